@@ -1,0 +1,1 @@
+"""Pure geometry: directions and their lattices, boxes, cameras, normals. No state, no files."""

@@ -1,0 +1,1 @@
+"""What is read: a Scene of instances of meshes. One reader per format; procedural scenes."""
