@@ -1,0 +1,1 @@
+"""One file or folder per representation: how it is built, what it costs, how it is stored."""
