@@ -1,0 +1,1 @@
+"""A baked world as its readers see it: manifest, index, tiles."""

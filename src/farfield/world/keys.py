@@ -1,0 +1,51 @@
+"""Names of a world's values in its store (spec/world.md)."""
+
+from __future__ import annotations
+
+from hashlib import blake2b
+
+from farfield.octree.grid import CellKey
+
+
+def content_hash(*parts: bytes) -> str:
+    """16 hexadecimal digits of BLAKE2b-64 over the parts, each preceded by its length."""
+    digest = blake2b(digest_size=8)
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little"))
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def orthoview_key(cell: CellKey, direction: int, layer: int, cell_hash: str) -> str:
+    """Key of one layer of one orthoview."""
+    return f"orthoview/{cell}/{direction}/{layer}-{cell_hash}"
+
+
+def objects_key(cell: CellKey, direction: int, layer: int, cell_hash: str) -> str:
+    """Key of the object ids of one layer of one orthoview."""
+    return f"objects/{cell}/{direction}/{layer}-{cell_hash}"
+
+
+def index_key(cell: CellKey, tile_hash: str) -> str:
+    """Key of the index tile whose first cell is `cell`."""
+    return f"index/{cell}-{tile_hash}"
+
+
+def geometry_key(cell: CellKey, file_hash: str) -> str:
+    """Key of the near geometry of a leaf."""
+    return f"geometry/{cell}-{file_hash}"
+
+
+def mesh_key(file_hash: str) -> str:
+    """Key of a mesh that instances share."""
+    return f"mesh/{file_hash}"
+
+
+def texture_key(file_hash: str) -> str:
+    """Key of an image that GLBs refer to."""
+    return f"texture/{file_hash}"
+
+
+def record_key(cell: CellKey) -> str:
+    """Key of the bake's note about a cell."""
+    return f"record/{cell}"

@@ -1,0 +1,100 @@
+"""Opening a world and finding things in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from farfield.errors import CorruptTileError, NotAWorldError
+from farfield.octree.grid import CellKey, Grid
+from farfield.represent.orthoview.tile import DecodedTile, decode_tile
+from farfield.store.contract import MissingKeyError, Store
+from farfield.world import keys
+from farfield.world.index import CellEntry, decode_index
+from farfield.world.manifest import KEY, Manifest, decode_manifest
+
+
+class World:
+    """A baked world, read through its store. Index tiles are loaded when they are first needed and kept.
+
+    It is a `Tree` for `farfield.octree.cut.cut`.
+    """
+
+    def __init__(self, store: Store, manifest: Manifest) -> None:
+        self.store = store
+        self.manifest = manifest
+        self.grid: Grid = manifest.octree
+        self._entries: dict[CellKey, CellEntry] = {}
+        self._loaded: set[str] = set()
+
+    @classmethod
+    def open(cls, store: Store) -> World:
+        """Reads the manifest. Raises NotAWorldError, VersionError or StoreError."""
+        try:
+            data = store.get(KEY)
+        except MissingKeyError:
+            raise NotAWorldError("no world here", f"{store}", "farfield bake SOURCE -o WORLD makes one") from None
+        return cls(store, decode_manifest(data, f"{store}/{KEY}"))
+
+    @property
+    def roots(self) -> tuple[CellKey, ...]:
+        """Keys of the root cells."""
+        return self.manifest.root_keys
+
+    def entry(self, key: CellKey) -> CellEntry:
+        """What the index says of a cell. Raises KeyError when the cell holds nothing."""
+        if key not in self._entries:
+            self._load_index_of(key)
+        return self._entries[key]
+
+    def children(self, key: CellKey) -> tuple[CellKey, ...]:
+        """Cells below `key` that hold something, ascending."""
+        return tuple(CellKey.parse(child) for child in self.entry(key).children)
+
+    def cells(self) -> Iterator[CellEntry]:
+        """Every cell, parents before children."""
+        pending = list(self.roots)
+        while pending:
+            entry = self.entry(pending.pop())
+            yield entry
+            pending.extend(CellKey.parse(child) for child in reversed(entry.children))
+
+    def tile(self, entry: CellEntry, direction: int, layer: int) -> DecodedTile:
+        """One layer of one orthoview, decoded. Raises CorruptTileError when it is missing or damaged."""
+        key = keys.orthoview_key(entry.cell, direction, layer, entry.hash)
+        try:
+            return decode_tile(self.store.get(key), key)
+        except MissingKeyError:
+            raise CorruptTileError("tile is missing", key, "run farfield verify") from None
+
+    def _load_index_of(self, key: CellKey) -> None:
+        """Loads index tiles from the root down until the cell is known."""
+        if key.level > self.grid.top_level:
+            raise KeyError(key)
+        root = self.grid.ancestor(key, self.grid.top_level)
+        tiles = {r.key: r.hash for r in self.manifest.roots}
+        if str(root) not in tiles:
+            raise KeyError(key)
+        self._load(root, tiles[str(root)])
+        depth = self.manifest.index_depth
+        for level in range(root.level - depth + 1, key.level, -(depth - 1)):
+            top = self.grid.ancestor(key, level)
+            if top not in self._entries:
+                raise KeyError(key)
+            if self._entries[top].index:
+                self._load(top, self._entries[top].index)
+        if key not in self._entries:
+            raise KeyError(key)
+
+    def _load(self, root: CellKey, tile_hash: str) -> None:
+        name = keys.index_key(root, tile_hash)
+        if name in self._loaded:
+            return
+        try:
+            data = self.store.get(name)
+        except MissingKeyError:
+            raise CorruptTileError("index tile is missing", name, "run farfield verify") from None
+        for entry in decode_index(data, name).cells:
+            known = self._entries.get(entry.cell)
+            if known is None or not known.index:
+                self._entries[entry.cell] = entry
+        self._loaded.add(name)
