@@ -9,6 +9,7 @@ FarfieldError
 │   ├── VersionError      the world was written by a newer version: upgrade farfield
 │   └── CorruptTileError  one tile cannot be read: the rest of the world still can; `farfield verify`
 ├── StoreError            the storage failed: disk full, no permission, server away
+│   └── MissingKeyError   nothing is stored under that key: take another, or go without
 └── ServeError            the server cannot start: port in use
 """
 
@@ -68,6 +69,10 @@ class CorruptTileError(WorldError):
 
 class StoreError(FarfieldError):
     """The storage below a world failed."""
+
+
+class MissingKeyError(StoreError):
+    """Nothing is stored under a key; `where` is the store and the key."""
 
 
 class ServeError(FarfieldError):

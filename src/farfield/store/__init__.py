@@ -1,0 +1,19 @@
+"""Where a world's bytes are kept: one contract (`Store`), one file for each kind of store."""
+
+from farfield.store.contract import Store
+from farfield.store.directory import DirectoryStore
+from farfield.store.keys import MAX_KEY_LENGTH, check_key, is_key
+from farfield.store.latency import LatencyStore
+from farfield.store.memory import MemoryStore
+from farfield.store.opening import open_store
+
+__all__ = [
+    "MAX_KEY_LENGTH",
+    "DirectoryStore",
+    "LatencyStore",
+    "MemoryStore",
+    "Store",
+    "check_key",
+    "is_key",
+    "open_store",
+]
