@@ -66,7 +66,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     grid: GridRecord
     directions: tuple[DirectionRecord, ...]
     depth_layers: int = 2
-    index_depth: int = 3
+    index_depth: int = 4
     roots: tuple[RootRecord, ...] = ()
     credits: tuple[str, ...] = ()
     statistics: Statistics = msgspec.field(default_factory=Statistics)
