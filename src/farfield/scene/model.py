@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Texture:
-    """An sRGB image with straight alpha that repeats in both axes."""
+    """An sRGB image with straight alpha that repeats in both axes. Compared and hashed by identity."""
 
     pixels: NDArray[np.uint8]
     """(h, w, 4) uint8, sRGB and alpha; row 0 is v = 0 (the glTF convention: v grows downwards)."""
@@ -33,7 +33,7 @@ class Material:
     """Shown as it is, never lit."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
     """Triangles in the mesh's own frame (metres, z up). Arrays are read-only by convention."""
 
@@ -53,6 +53,8 @@ class Mesh:
     triangle_object: NDArray[np.uint32] | None = None
     """(m,) uint32: object within the mesh (0 .. object_count-1), or None: the mesh is one object."""
     object_count: int = 1
+    warnings: tuple[str, ...] = ()
+    """What loading left out and why, one line each, already counted; whoever loads the mesh passes them on."""
 
 
 class MeshSource(Protocol):
@@ -64,11 +66,14 @@ class MeshSource(Protocol):
         ...
 
     def load(self) -> Mesh:
-        """Reads the mesh. Raises InputError when the file is gone or damaged."""
+        """Reads the mesh; it may have no triangles, and then says why in `warnings`.
+
+        Raises InputError when the file is gone or damaged.
+        """
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Instances:
     """Placements of meshes, one row each."""
 
@@ -80,7 +85,7 @@ class Instances:
     """(k,) int64: scene object id of the mesh's object 0; ids start at 1, 0 means none."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """Everything that is to be baked."""
 

@@ -1,0 +1,56 @@
+"""Coordinate reference systems: one frame for several sources, a local origin, metres instead of degrees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from farfield.errors import InputError, MissingExtraError
+from farfield.scene.assembly import IDENTITY, join, place
+from farfield.scene.model import Scene
+
+ORIGIN_STEP = 1024.0
+"""Local origins are multiples of this, metres."""
+
+
+def local_origin(low: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Lower corner floored to multiples of 1024 m; heights keep their zero unless the ground is above 1024 m."""
+    x, y, z = (float(np.floor(value / ORIGIN_STEP) * ORIGIN_STEP) for value in low)
+    return x, y, max(z, 0.0)
+
+
+def to_common_frame(scenes: list[Scene]) -> Scene:
+    """Scenes joined. Those with a CRS are moved to the lower corner of all their origins; the others stay local.
+
+    Raises InputError when their CRS differ.
+    """
+    located = [scene for scene in scenes if scene.crs is not None]
+    if not located:
+        return join(scenes)
+    different = {scene.crs for scene in located}
+    if len(different) > 1:
+        names = ", ".join(sorted(str(crs)[:40] for crs in different))
+        raise InputError(f"the sources use different coordinate reference systems: {names}", "scene",
+                         "reproject them to one of these, e.g. with ogr2ogr -t_srs")  # fmt: skip
+    x, y, z = (min(scene.origin[axis] for scene in located) for axis in range(3))
+    return join([scene if scene.crs is None else moved_to(scene, (x, y, z)) for scene in scenes])
+
+
+def moved_to(scene: Scene, origin: tuple[float, float, float]) -> Scene:
+    """The same scene, told from another origin."""
+    if scene.origin == origin:
+        return scene
+    shift = IDENTITY.copy()
+    shift[:, 3] = np.subtract(scene.origin, origin)
+    return replace(place(scene, shift[None]), origin=origin)
+
+
+def load_pyproj(where: str) -> Any:
+    """The pyproj module. Raises MissingExtraError when it is not installed."""
+    try:
+        import pyproj
+    except ImportError as error:
+        raise MissingExtraError("coordinates in degrees need pyproj", "geo", where) from error
+    return pyproj

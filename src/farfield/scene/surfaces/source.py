@@ -1,0 +1,40 @@
+"""A mesh source for files that hold one mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from farfield.scene.assembly import IDENTITY, scene_of
+from farfield.scene.cleaning import RawSurface, assemble
+from farfield.scene.faults import reading
+from farfield.scene.model import Mesh, Scene
+
+
+@dataclass(frozen=True, slots=True)
+class FileMesh:
+    """The mesh of one file; `parse` must be a module-level function, so that the source can be pickled."""
+
+    path: Path
+    parse: Callable[[Path], tuple[RawSurface, tuple[str, ...]]]
+    """Path -> the surface, and warnings."""
+
+    @property
+    def name(self) -> str:
+        """The file."""
+        return str(self.path)
+
+    def load(self) -> Mesh:
+        """Reads the file. Raises InputError."""
+        with reading(self.name):
+            raw, warnings = self.parse(self.path)
+            mesh = assemble(raw, self.name)
+        return replace(mesh, warnings=warnings + mesh.warnings)
+
+
+def single_mesh_scene(source: FileMesh, source_bytes: int, warnings: tuple[str, ...] = ()) -> Scene:
+    """One instance of one mesh."""
+    return scene_of([source], np.zeros(1, np.int32), IDENTITY[None], source_bytes=source_bytes, warnings=warnings)
