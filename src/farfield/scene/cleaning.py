@@ -103,13 +103,13 @@ def merge(parts: list[Mesh]) -> Mesh:
 
 def _usable(raw: RawSurface, where: str, warnings: list[str]) -> NDArray[np.bool_]:
     """(m,) bool: triangles whose vertices exist, are finite and lie near the others."""
-    inside: NDArray[np.bool_] = ((raw.triangles >= 0) & (raw.triangles < len(raw.positions))).all(1)
+    inside: NDArray[np.bool_] = np.all((raw.triangles >= 0) & (raw.triangles < len(raw.positions)), axis=1)
     if not inside.all():
         count = counted(int((~inside).sum()), "triangle")
         warnings.append(f"{where}: left out {count} with vertices that do not exist")
-    finite: NDArray[np.bool_] = np.isfinite(raw.positions).all(1)
+    finite: NDArray[np.bool_] = np.all(np.isfinite(raw.positions), axis=1)
     keep: NDArray[np.bool_] = inside.copy()
-    keep[inside] = finite[raw.triangles[inside]].all(1)
+    keep[inside] = finite[raw.triangles[inside]].all(axis=1)
     if not finite.all():
         lost = counted(int((inside & ~keep).sum()), "triangle")
         warnings.append(f"{where}: left out {lost} with vertices that are NaN or infinite")
@@ -126,9 +126,9 @@ def _drop_far(
         return
     middle = np.median(points, axis=0)
     with np.errstate(invalid="ignore"):
-        near: NDArray[np.bool_] = (np.abs(raw.positions - middle) <= ABSURD_METRES).all(1)
+        near: NDArray[np.bool_] = np.all(np.abs(raw.positions - middle) <= ABSURD_METRES, axis=1)
     kept = keep.copy()
-    keep[kept] = near[raw.triangles[kept]].all(1)
+    keep[kept] = near[raw.triangles[kept]].all(axis=1)
     lost = int(kept.sum() - keep.sum())
     if lost:
         warnings.append(f"{where}: left out {counted(lost, 'triangle')} more than 10,000 km from the rest")

@@ -21,20 +21,21 @@ def local_origin(low: tuple[float, float, float]) -> tuple[float, float, float]:
     return x, y, max(z, 0.0)
 
 
-def to_common_frame(scenes: list[Scene]) -> Scene:
-    """Scenes joined. Those with a CRS are moved to the lower corner of all their origins; the others stay local.
+def to_common_frame(scenes: list[Scene], origin: tuple[float, float, float] | None = None) -> Scene:
+    """Scenes joined. Those with a CRS are moved to `origin`, by default the lowest of theirs; the others are local.
 
     Raises InputError when their CRS differ.
     """
     located = [scene for scene in scenes if scene.crs is not None]
     if not located:
-        return join(scenes)
+        joined = join(scenes)
+        return joined if origin is None else replace(joined, origin=origin)
     different = {scene.crs for scene in located}
     if len(different) > 1:
         names = ", ".join(sorted(str(crs)[:40] for crs in different))
         raise InputError(f"the sources use different coordinate reference systems: {names}", "scene",
-                         "reproject them to one of these, e.g. with ogr2ogr -t_srs")  # fmt: skip
-    x, y, z = (min(scene.origin[axis] for scene in located) for axis in range(3))
+                         "give one as crs in a scene.toml; footprints are brought to it")  # fmt: skip
+    x, y, z = origin or (min(scene.origin[axis] for scene in located) for axis in range(3))
     return join([scene if scene.crs is None else moved_to(scene, (x, y, z)) for scene in scenes])
 
 

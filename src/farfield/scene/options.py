@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 
@@ -24,3 +25,7 @@ class ReadOptions:
     """Footprints: windowed walls; False: plain colours."""
     buildings_per_mesh: int = 4096
     """Footprints: a file is split by place into meshes of at most about this many."""
+    crs: str | None = None
+    """Footprints in another coordinate reference system are brought to this one; None: they keep theirs."""
+    inside: tuple[Path, ...] = ()
+    """The scene.toml files that led here, outermost first."""

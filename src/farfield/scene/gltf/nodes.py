@@ -64,11 +64,12 @@ def _local(node: dict[str, Any]) -> NDArray[np.float64]:
     if "matrix" in node:
         matrix: NDArray[np.float64] = np.array(node["matrix"], np.float64).reshape(4, 4).T
         return matrix
-    return _compose(
+    composed: NDArray[np.float64] = _compose(
         np.array([node.get("translation", (0, 0, 0))], np.float64),
         np.array([node.get("rotation", (0, 0, 0, 1))], np.float64),
         np.array([node.get("scale", (1, 1, 1))], np.float64),
     )[0]
+    return composed
 
 
 def _compose(

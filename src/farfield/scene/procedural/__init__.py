@@ -1,0 +1,1 @@
+"""Scenes and surfaces made by rule, the same for the same seed."""
