@@ -1,0 +1,150 @@
+"""Which views show what an eye sees of a cell: visibility by small pictures, then a greedy cover (OV 5.1).
+
+Samples of all views of a cell are drawn as points into one small picture a view; a view shows a picture pixel when
+its nearest sample there lies about as near as that of any view.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+from farfield.geometry.normals import DECODED
+
+_F0, _F1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+_NOTHING = np.float32(1e30)
+_U8_2 = types.Array(types.uint8, 2, "C", readonly=True)
+_U8_3 = types.Array(types.uint8, 3, "C", readonly=True)
+_U16 = types.Array(types.uint16, 2, "C", readonly=True)
+_F32 = types.Array(types.float32, 2, "C", readonly=True)
+
+
+@njit(
+    types.int64(_U16, _U8_3, _U8_2, _U8_2, _F32, types.float32, types.int64, types.UniTuple(types.int64, 2),
+                types.float32[:, ::1]),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def sample_layer(depth, normal, coverage, flags, frame, pitch, step, first, samples):  # type: ignore[no-untyped-def]
+    """Takes every `step`-th valid pixel of a layer in both axes; returns how many.
+
+    depth .. flags: arrays of an OrthoLayer. frame: (4, 3) float32, rows origin (lattice column and row 0 of the arrays
+    at code 0, u, v, w metres from the middle) and the axes u, v, w in the world's frame. first: row and column of the
+    first sample. samples: (n, 8) float32, written: position (3) and normal (3) along the world's axes, coverage
+    (0..1], 1 when connected else 0.
+    """
+    rows, columns = depth.shape
+    count = 0
+    for j in range(first[0], rows, step):
+        cv = frame[0, 1] + (np.float32(j) + _HALF) * pitch
+        for i in range(first[1], columns, step):
+            if depth[j, i] == 0:
+                continue
+            cu = frame[0, 0] + (np.float32(i) + _HALF) * pitch
+            cw = frame[0, 2] + np.float32(depth[j, i]) * pitch * np.float32(0.125)
+            at = np.intp(normal[j, i, 0]) * 64 + np.intp(normal[j, i, 1])
+            nu, nv, nw = DECODED[at, 0], DECODED[at, 1], -DECODED[at, 2]
+            for axis in range(3):
+                samples[count, axis] = cu * frame[1, axis] + cv * frame[2, axis] + cw * frame[3, axis]
+                samples[count, 3 + axis] = nu * frame[1, axis] + nv * frame[2, axis] + nw * frame[3, axis]
+            samples[count, 6] = np.float32(coverage[j, i]) * np.float32(1.0 / 16.0)
+            samples[count, 7] = np.float32(flags[j, i] & 1)
+            count += 1
+    return count
+
+
+@njit(inline="always")
+def _worth(sample, towards, ex, ey, ez):  # type: ignore[no-untyped-def]
+    """How well a view shows a sample to an eye in direction (ex, ey, ez), 0..1."""
+    across = towards[0] * ex + towards[1] * ey + towards[2] * ez
+    worth = np.float32(0.77) + np.float32(0.23) * max(across, _F0)
+    if sample[7] > _F0:
+        by_view = abs(sample[3] * towards[0] + sample[4] * towards[1] + sample[5] * towards[2])
+        by_eye = abs(sample[3] * ex + sample[4] * ey + sample[5] * ez)
+        worth *= min(_F1, math.sqrt(by_view / max(by_eye, np.float32(0.1))))
+    return worth
+
+
+@njit(
+    types.void(_F32, types.Array(types.int64, 1, "C", readonly=True), _F32, _F32, types.float32, types.float32,
+               types.float32[:, :, ::1], types.float32[:, :, ::1]),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, quality):  # type: ignore[no-untyped-def]
+    """Draws the samples of every view into its small picture.
+
+    samples: (n, 8) float32, see sample_layer. starts: (views + 1,) int64, rows of each view. towards: (views, 3) unit
+    vectors to the canonical cameras. camera: (4, 3) float32, rows eye (metres from the middle), right, down, forward.
+    focal: picture pixels that one metre at one metre covers. spacing: metres between samples.
+    nearest: (views, p, p) float32 metres along the view axis, 1e30 = nothing; quality: (views, p, p) float32.
+    """
+    views, size, _ = nearest.shape
+    middle = np.float32(size) * _HALF
+    for view in range(views):
+        for p in range(size):
+            for q in range(size):
+                nearest[view, p, q] = _NOTHING
+                quality[view, p, q] = _F0
+        for k in range(starts[view], starts[view + 1]):
+            ex = camera[0, 0] - samples[k, 0]
+            ey = camera[0, 1] - samples[k, 1]
+            ez = camera[0, 2] - samples[k, 2]
+            seen = samples[k, 3] * ex + samples[k, 4] * ey + samples[k, 5] * ez
+            if samples[k, 7] > _F0 and seen <= _F0:
+                continue
+            d = -(camera[3, 0] * ex + camera[3, 1] * ey + camera[3, 2] * ez)
+            if d <= spacing:
+                continue
+            scale = focal / d
+            x = middle - (camera[1, 0] * ex + camera[1, 1] * ey + camera[1, 2] * ez) * scale
+            y = middle - (camera[2, 0] * ex + camera[2, 1] * ey + camera[2, 2] * ez) * scale
+            away = math.sqrt(ex * ex + ey * ey + ez * ez)
+            worth = _worth(samples[k], towards[view], ex / away, ey / away, ez / away)
+            reach = max(_HALF, _HALF * spacing * scale)
+            left, right = max(0, int(math.floor(x - reach + _HALF))), min(size, int(math.floor(x + reach + _HALF)))
+            top, bottom = max(0, int(math.floor(y - reach + _HALF))), min(size, int(math.floor(y + reach + _HALF)))
+            for q in range(top, bottom):
+                for p in range(left, right):
+                    if d < nearest[view, q, p]:
+                        nearest[view, q, p] = d
+                        quality[view, q, p] = worth
+
+
+@njit(
+    types.int64(types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32, types.int64[::1]),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def greedy_cover(nearest, quality, tolerance, chosen):  # type: ignore[no-untyped-def]
+    """Chooses views one after the other, each the one that adds most; returns how many add anything.
+
+    nearest, quality: as draw_samples leaves them; quality is set to 0 where a view shows something hidden. tolerance:
+    metres behind the nearest of all views that still count as visible. chosen: (m,) int64, written. Ties go to the
+    earlier view.
+    """
+    views, size, _ = nearest.shape
+    best = np.zeros((size, size), np.float32)
+    for p in range(size):
+        for q in range(size):
+            front = _NOTHING
+            for view in range(views):
+                front = min(front, nearest[view, p, q])
+            for view in range(views):
+                if nearest[view, p, q] > front + tolerance:
+                    quality[view, p, q] = _F0
+    for place in range(chosen.size):
+        most, winner = _F0, -1
+        for view in range(views):
+            gain = _F0
+            for p in range(size):
+                for q in range(size):
+                    gain += max(_F0, quality[view, p, q] - best[p, q])
+            if gain > most:
+                most, winner = gain, view
+        if winner < 0:
+            return place
+        chosen[place] = winner
+        for p in range(size):
+            for q in range(size):
+                best[p, q] = max(best[p, q], quality[winner, p, q])
+    return chosen.size

@@ -1,0 +1,93 @@
+"""Which directions to draw a cell from, decided at bake for every view bin (OV 5.1).
+
+The nearest directions by angle miss whole surfaces: in a city the three nearest of the sides and the top lose the
+ground. A greedy cover of what is seen from a bin gains 1.4 to 3 dB over them at the same number of views.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.geometry.directions import PRINCIPAL, Direction
+from farfield.kernels.coverage import draw_samples, greedy_cover, sample_layer
+from farfield.octree.grid import CellKey, Grid
+from farfield.represent.orthoview.layer import OrthoLayer
+
+MOST_VIEWS = 5
+"""Directions listed for a bin, best first."""
+PICTURE = 48
+"""Width and height of the small pictures, pixels."""
+SAMPLES_ACROSS = 48
+"""Samples of a view across a cell."""
+EYE_DISTANCE = 2.0
+"""Of the bin's eye from the middle of the cell, in sizes of the cell. Cells are seen from 1.1 to 2.2 sizes away."""
+TOLERANCE = 3.0
+"""Sample spacings behind the nearest surface that still count as visible."""
+
+
+def choose_views(
+    layers: Mapping[int, Sequence[OrthoLayer]], directions: Iterable[Direction], grid: Grid, key: CellKey
+) -> tuple[tuple[int, ...], ...]:
+    """For each of the 26 view bins the numbers of up to 5 directions that together show most, best first.
+
+    layers: the one or two layers of each baked direction by its number; directions without layers show nothing.
+    Deterministic. Bins from which nothing is seen get no directions.
+    """
+    views = [d for d in directions if layers.get(d.number)]
+    if not views:
+        return ((),) * len(PRINCIPAL)
+    lower, upper = grid.bounds(key)
+    middle, size = (lower + upper) / 2, float((upper - lower).max())
+    step = max(1, round(size / grid.pitch(key.level) / SAMPLES_ACROSS))
+    spacing = step * grid.pitch(key.level)
+    samples, starts = _samples(layers, views, grid, key.level, middle, step)
+    towards = np.array([d.vector for d in views], dtype=np.float32)
+    nearest = np.empty((len(views), PICTURE, PICTURE), np.float32)
+    quality = np.empty_like(nearest)
+    chosen = np.empty(MOST_VIEWS, np.int64)
+    focal = np.float32(PICTURE * EYE_DISTANCE / 1.5)
+    table = []
+    for vector in PRINCIPAL:
+        camera = _camera(np.array(vector, dtype=np.float64), EYE_DISTANCE * size)
+        draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest, quality)
+        count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), chosen)
+        table.append(tuple(views[k].number for k in chosen[:count]))
+    return tuple(table)
+
+
+def _samples(
+    layers: Mapping[int, Sequence[OrthoLayer]],
+    views: Sequence[Direction],
+    grid: Grid,
+    level: int,
+    middle: NDArray[np.float64],
+    step: int,
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """(n, 8) samples of all views (see sample_layer) and (views + 1,) where those of each begin."""
+    pitch = grid.pitch(level)
+    room = sum(-(-s // step) * -(-t // step) for d in views for s, t in (la.shape for la in layers[d.number]))
+    samples = np.empty((room, 8), np.float32)
+    starts, count = [0], 0
+    for direction in views:
+        axes = direction.axes
+        corner = axes @ (np.array(grid.corner) - middle)
+        for layer in layers[direction.number]:
+            steps = np.array([layer.x, layer.y, layer.depth_base / 8]) * pitch
+            frame = np.concatenate([(corner + steps)[None], axes]).astype(np.float32)
+            count += sample_layer(
+                layer.depth, layer.normal, layer.coverage, layer.connected, frame, np.float32(pitch), step,
+                (-layer.y % step, -layer.x % step), samples[count:],
+            )  # fmt: skip
+        starts.append(count)
+    return samples[:count], np.array(starts, dtype=np.int64)
+
+
+def _camera(towards: NDArray[np.float64], away: float) -> NDArray[np.float32]:
+    """(4, 3) float32 rows eye, right, down, forward of a camera that looks back along `towards` at the middle."""
+    towards = towards / math.sqrt(float((towards * towards).sum()))
+    axes = Direction(-1, (float(towards[0]), float(towards[1]), float(towards[2]))).axes
+    return np.concatenate([(towards * away)[None], axes]).astype(np.float32)
