@@ -21,7 +21,5 @@ def srgb_from_linear(linear: NDArray[np.floating]) -> NDArray[np.float64]:
 LINEAR_OF_BYTE: NDArray[np.float32] = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
 """(256,) float32: linear light of each sRGB byte."""
 
-BYTE_OF_LINEAR: NDArray[np.uint8] = np.floor(
-    srgb_from_linear(np.arange(4096) / 4095.0) * 255.0 + 0.5
-).astype(np.uint8)
+BYTE_OF_LINEAR: NDArray[np.uint8] = np.floor(srgb_from_linear(np.arange(4096) / 4095.0) * 255.0 + 0.5).astype(np.uint8)
 """(4096,) uint8: sRGB byte of linear light scaled to 0..4095; at most one step off in the darkest bytes."""

@@ -108,7 +108,9 @@ def decode_manifest(data: bytes, where: str = KEY) -> Manifest:
         raise NotAWorldError("not the manifest of a farfield world", where, hint)
     version = head.get("version")
     if not isinstance(version, int) or version > VERSION:
-        raise VersionError(f"world of version {version}, this farfield reads up to {VERSION}", where, "upgrade farfield")
+        raise VersionError(
+            f"world of version {version}, this farfield reads up to {VERSION}", where, "upgrade farfield"
+        )
     try:
         manifest = msgspec.json.decode(data, type=Manifest)
     except msgspec.ValidationError as error:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from farfield.errors import CorruptTileError, NotAWorldError
+from farfield.errors import CorruptTileError, MissingKeyError, NotAWorldError
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.orthoview.tile import DecodedTile, decode_tile
-from farfield.store.contract import MissingKeyError, Store
+from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, Manifest, decode_manifest
@@ -32,8 +32,8 @@ class World:
         try:
             data = store.get(KEY)
         except MissingKeyError:
-            raise NotAWorldError("no world here", f"{store}", "farfield bake SOURCE -o WORLD makes one") from None
-        return cls(store, decode_manifest(data, f"{store}/{KEY}"))
+            raise NotAWorldError("no world here", store.location, "farfield bake SOURCE -o WORLD makes one") from None
+        return cls(store, decode_manifest(data, f"{store.location}/{KEY}"))
 
     @property
     def roots(self) -> tuple[CellKey, ...]:

@@ -1,0 +1,1 @@
+"""From a scene to a world: survey, plan, leaves, parents, index."""

@@ -1,0 +1,162 @@
+"""Baking a scene into a world."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import msgspec
+
+from farfield import __version__
+from farfield.bake.cell import BakedCell
+from farfield.bake.context import BakeJob
+from farfield.bake.engine import bake_tree
+from farfield.bake.index import write_index
+from farfield.bake.options import BakeOptions
+from farfield.bake.plan import Plan, make_plan
+from farfield.bake.survey import MeshCache, MeshSummary, survey
+from farfield.errors import FarfieldError, InputError, MissingKeyError
+from farfield.progress import NoProgress, Progress
+from farfield.scene.model import Scene
+from farfield.store.contract import Store
+from farfield.world.index import CellEntry
+from farfield.world.keys import content_hash
+from farfield.world.manifest import (
+    KEY,
+    DirectionRecord,
+    GridRecord,
+    Manifest,
+    RootRecord,
+    Statistics,
+    decode_manifest,
+    encode_manifest,
+)
+
+INDEX_DEPTH = 4
+"""Levels of cells in one index tile: some 20 kB for a flat world."""
+
+
+@dataclass(frozen=True, slots=True)
+class BakeResult:
+    """What a bake did."""
+
+    manifest: Manifest
+    seconds: float
+    cells_rebuilt: int
+
+
+def bake(
+    scene: Scene,
+    store: Store,
+    options: BakeOptions | None = None,
+    progress: Progress | None = None,
+    name: str = "",
+) -> BakeResult:
+    """Bakes `scene` into the world in `store`; what an interrupted bake of the same input had finished is kept.
+
+    Raises InputError when nothing in the scene can be baked, StoreError when the store fails.
+    """
+    options, progress = options or BakeOptions(), progress or NoProgress()
+    begun = time.monotonic()
+    for warning in scene.warnings:
+        progress.note(warning)
+    summaries = survey(scene, MeshCache(scene), progress)
+    plan = make_plan(scene, summaries, options.leaf_size, options.resolution)
+    grid = plan.grid
+    progress.note(
+        f"leaf size {grid.leaf_size:g} m, resolution {grid.resolution} px, "
+        f"up to {len(plan.leaves):,} leaves, {grid.top_level + 1} levels"
+    )
+    job = BakeJob(scene, summaries, plan, options, options.signature(grid))
+    roots = bake_tree(job, store, _workers(options, plan), progress)
+    if not roots:
+        raise InputError("nothing to bake: no triangle lies in any cell")
+    manifest = _manifest(scene, summaries, plan, options, store, roots, name)
+    store.put(KEY, encode_manifest(manifest))
+    return BakeResult(manifest, time.monotonic() - begun, sum(root.rebuilt for root in roots))
+
+
+def _workers(options: BakeOptions, plan: Plan) -> int:
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(options.workers or processors, len(plan.leaves))
+
+
+def _manifest(
+    scene: Scene,
+    summaries: list[MeshSummary],
+    plan: Plan,
+    options: BakeOptions,
+    store: Store,
+    roots: list[BakedCell],
+    name: str,
+) -> Manifest:
+    entries = [entry for root in roots for entry in (root.record.entry, *root.below)]
+    grid = plan.grid
+    return Manifest(
+        generation=_generation(store) + 1,
+        generator=f"farfield {__version__}",
+        name=name,
+        crs=scene.crs,
+        origin=scene.origin,
+        bounds=_bounds(roots),
+        grid=GridRecord(grid.leaf_size, grid.resolution, grid.corner, grid.axis_levels),
+        directions=tuple(DirectionRecord(d.number, d.vector) for d in options.direction_list()),
+        depth_layers=options.depth_layers,
+        index_depth=INDEX_DEPTH,
+        roots=tuple(RootRecord(str(r.key), write_index(store, grid, r, INDEX_DEPTH)) for r in roots),
+        credits=scene.credits,
+        statistics=_statistics(scene, summaries, entries),
+        attributes=_write_attributes(scene, store),
+    )
+
+
+def _generation(store: Store) -> int:
+    try:
+        return decode_manifest(store.get(KEY), store.location).generation
+    except (MissingKeyError, FarfieldError):
+        return 0
+
+
+def _bounds(roots: list[BakedCell]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    boxes = [root.record.entry.bounds for root in roots]
+    x0, y0, z0 = (min(b[0][a] for b in boxes) for a in range(3))
+    x1, y1, z1 = (max(b[1][a] for b in boxes) for a in range(3))
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+def _statistics(scene: Scene, summaries: list[MeshSummary], entries: list[CellEntry]) -> Statistics:
+    listed = [tile for entry in entries for tile in entry.tiles]
+    return Statistics(
+        triangles=sum(summaries[int(mesh)].triangles for mesh in scene.instances.mesh),
+        objects=scene.object_count,
+        cells=len(entries),
+        orthoviews=sum(layer == 0 for _, layer, _ in listed),
+        tiles=len(listed),
+        bytes=sum(size for _, _, size in listed) + _geometry_bytes(entries),
+        source_bytes=scene.source_bytes,
+    )
+
+
+def _geometry_bytes(entries: Iterable[CellEntry]) -> int:
+    own, shared = 0, {}
+    for entry in entries:
+        if entry.geometry is not None:
+            own += entry.geometry.bytes
+            shared |= dict(entry.geometry.meshes)
+    return own + sum(shared.values())
+
+
+def _write_attributes(scene: Scene, store: Store) -> str | None:
+    if not scene.attributes:
+        return None
+    columns = {column: list(values) for column, values in scene.attributes.items()}
+    data = msgspec.json.encode({"objects": scene.object_count, "columns": columns}, enc_hook=_plain)
+    name = content_hash(data)
+    store.put(f"attributes/{name}", data)
+    return name
+
+
+def _plain(value: object) -> object:
+    return value.item() if hasattr(value, "item") else str(value)

@@ -1,0 +1,99 @@
+"""What a process needs to bake any cell of one world."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from farfield.bake.options import BakeOptions
+from farfield.bake.plan import Plan
+from farfield.bake.survey import MeshCache, MeshSummary
+from farfield.geometry.directions import Direction
+from farfield.octree.grid import CellKey, Grid
+from farfield.represent.chunk import Chunk
+from farfield.represent.geometry.write import encode_texture, mesh_glb
+from farfield.represent.materials import MaterialTable
+from farfield.scene.model import Material, Scene, Texture
+from farfield.store.contract import Store
+from farfield.world.keys import content_hash, mesh_key, texture_key
+
+_TABLES_KEPT = 8
+
+
+@dataclass(frozen=True, slots=True)
+class BakeJob:
+    """The whole job, cheap enough to be sent to every worker."""
+
+    scene: Scene
+    summaries: list[MeshSummary]
+    plan: Plan
+    options: BakeOptions
+    signature: str
+
+
+@dataclass(slots=True)
+class LeafMaterials:
+    """Materials of the meshes in a leaf, joined."""
+
+    table: MaterialTable
+    materials: tuple[Material, ...]
+    base: dict[int, int]
+    """Mesh -> number of its first material in the table."""
+
+
+class BakeContext:
+    """One process's view of the job: caches of meshes, material tables and written files."""
+
+    def __init__(self, job: BakeJob, store: Store) -> None:
+        self.job = job
+        self.store = store
+        self.grid: Grid = job.plan.grid
+        self.directions: tuple[Direction, ...] = job.options.direction_list()
+        self.meshes = MeshCache(job.scene)
+        self.leaf_of: dict[CellKey, int] = {key: i for i, key in enumerate(job.plan.keys())}
+        placements = np.bincount(job.scene.instances.mesh, minlength=len(job.scene.meshes))
+        self.shared = placements > 1
+        """(meshes,) bool: placed more than once, so near geometry refers to it instead of copying it."""
+        self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
+        self._textures: dict[int, tuple[Texture, str]] = {}
+        self._mesh_files: dict[int, tuple[str, int]] = {}
+
+    def materials(self, meshes: tuple[int, ...]) -> LeafMaterials:
+        """The joined materials of these meshes, ascending; the last few are kept, with their mip chains."""
+        if meshes not in self._tables:
+            base: dict[int, int] = {}
+            joined: list[Material] = []
+            for mesh in meshes:
+                base[mesh] = len(joined)
+                joined += self.meshes.get(mesh).materials
+            self._tables[meshes] = LeafMaterials(MaterialTable.build(joined), tuple(joined), base)
+            while len(self._tables) > _TABLES_KEPT:
+                self._tables.popitem(last=False)
+        self._tables.move_to_end(meshes)
+        return self._tables[meshes]
+
+    def texture_hash(self, texture: Texture) -> str:
+        """Stores the texture once and gives its hash."""
+        if id(texture) not in self._textures:
+            data = encode_texture(texture)
+            name = content_hash(data)
+            self._put_once(texture_key(name), data)
+            # The texture is kept with its hash: its id must not be given to another while the entry stands.
+            self._textures[id(texture)] = (texture, name)
+        return self._textures[id(texture)][1]
+
+    def mesh_file(self, mesh: int) -> tuple[str, int]:
+        """Stores a shared mesh once; its hash and bytes."""
+        if mesh not in self._mesh_files:
+            loaded = self.meshes.get(mesh)
+            data = mesh_glb(Chunk.whole(loaded.blocks), loaded.materials, self.texture_hash)
+            name = content_hash(data)
+            self._put_once(mesh_key(name), data)
+            self._mesh_files[mesh] = name, len(data)
+        return self._mesh_files[mesh]
+
+    def _put_once(self, key: str, data: bytes) -> None:
+        if not self.store.exists(key):
+            self.store.put(key, data)

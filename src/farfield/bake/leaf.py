@@ -1,0 +1,156 @@
+"""Baking a leaf: clip, draw every direction, encode, store; near geometry beside it (OV 4.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from farfield.bake.cell import BakedCell, Record, read_record, write_record
+from farfield.bake.context import BakeContext, LeafMaterials
+from farfield.bake.tiles import CellTiles, store_tiles
+from farfield.octree.grid import CellKey
+from farfield.represent.chunk import Chunk
+from farfield.represent.geometry.write import PlacedMesh, leaf_glb
+from farfield.represent.orthoview.leaf import draw_leaf
+from farfield.represent.orthoview.view_table import choose_views
+from farfield.world.index import Bounds, CellEntry, GeometryEntry
+from farfield.world.keys import content_hash, geometry_key
+
+Parts = dict[int, list[Chunk]]
+"""Mesh -> its clipped pieces."""
+
+
+def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
+    """The leaf, baked or found finished; None when nothing lies in it after clipping."""
+    position = context.leaf_of[key]
+    source = _input_hash(context, position)
+    record = read_record(context.store, key, source)
+    if record is not None:
+        return BakedCell(key, record, fresh=False) if record.triangles else None
+    parts = _clip(context, key, position)
+    if not parts:
+        write_record(context.store, key, Record(source, _empty_entry(context, key)))
+        return None
+    materials = context.materials(tuple(sorted(parts)))
+    chunk = Chunk.merge([piece for mesh in sorted(parts) for piece in parts[mesh]])
+    tiles = _draw(context, key, chunk, materials)
+    geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
+    cell_hash = store_tiles(context, key, tiles)
+    entry = CellEntry(
+        key=str(key),
+        bounds=_bounds(context, key, chunk),
+        error=context.grid.pitch(0),
+        hash=cell_hash,
+        tiles=tiles.listing(),
+        views=tiles.views,
+        geometry=geometry,
+        output=content_hash(cell_hash.encode(), geometry.hash.encode() if geometry else b""),
+    )
+    finished = Record(source, entry, len(chunk.triangles), tiles.object_bytes)
+    write_record(context.store, key, finished)
+    return BakedCell(key, finished, fresh=True, tiles=tiles.encoded, objects=tiles.objects, rebuilt=1)
+
+
+def _input_hash(context: BakeContext, position: int) -> str:
+    """Over the meshes and transforms that touch the leaf, whatever their order in the scene."""
+    instances, _ = context.job.plan.rows(position)
+    scene = context.job.scene.instances
+    rows = [
+        context.job.summaries[scene.mesh[i]].content.encode()
+        + scene.transform[i].tobytes()
+        + int(scene.first_object[i]).to_bytes(8, "little")
+        for i in np.unique(instances)
+    ]
+    return content_hash(context.job.signature.encode(), *sorted(rows))
+
+
+def _clip(context: BakeContext, key: CellKey, position: int) -> Parts:
+    """Pieces of every instance in the leaf, by mesh; instances in an order that depends on content alone."""
+    instances, blocks = context.job.plan.rows(position)
+    table, summaries = context.job.scene.instances, context.job.summaries
+    starts = np.flatnonzero(np.append(True, instances[1:] != instances[:-1]))
+    groups = [(int(instances[s]), b) for s, b in zip(starts, np.split(blocks, starts[1:]), strict=True)]
+    groups.sort(key=lambda g: (summaries[table.mesh[g[0]]].content, table.transform[g[0]].tobytes()))
+    meshes = tuple(sorted({int(table.mesh[i]) for i, _ in groups}))
+    base = context.materials(meshes).base
+    pieces: list[tuple[int, Chunk]] = []
+    for instance, chosen in groups:
+        mesh = int(table.mesh[instance])
+        piece = context.meshes.get(mesh).blocks.cell_chunk(
+            table.transform[instance],
+            context.grid,
+            (key.x, key.y, key.z),
+            base[mesh],
+            int(table.first_object[instance]),
+            chosen,
+        )
+        if piece is not None:
+            pieces.append((mesh, piece))
+    return _rebased(context, pieces, base)
+
+
+def _rebased(context: BakeContext, pieces: list[tuple[int, Chunk]], base: dict[int, int]) -> Parts:
+    """Pieces by mesh, their materials numbered within the meshes that really are in the leaf."""
+    present = tuple(sorted({mesh for mesh, _ in pieces}))
+    parts: Parts = {}
+    if not present:
+        return parts
+    final = context.materials(present).base
+    for mesh, piece in pieces:
+        parts.setdefault(mesh, []).append(piece.with_material_offset(final[mesh] - base[mesh]))
+    return parts
+
+
+def _draw(context: BakeContext, key: CellKey, chunk: Chunk, materials: LeafMaterials) -> CellTiles:
+    options = context.job.options
+    tiles = CellTiles(context, key)
+    drawn = {}
+    for direction in context.directions:
+        layers = draw_leaf(chunk, materials.table, context.grid, key, direction, options.samples, options.depth_layers)
+        if layers:
+            drawn[direction.number] = layers
+            tiles.add(direction, layers)
+    tiles.views = choose_views(drawn, context.directions, context.grid, key)
+    return tiles
+
+
+def _near_geometry(
+    context: BakeContext, key: CellKey, position: int, parts: Parts, materials: LeafMaterials
+) -> GeometryEntry:
+    own = [piece for mesh in sorted(parts) if not context.shared[mesh] for piece in parts[mesh]]
+    chunk = Chunk.merge(own) if own else None
+    placed, files = [], []
+    for mesh in sorted(parts):
+        if context.shared[mesh]:
+            files.append(context.mesh_file(mesh))
+            placed.append(_placed(context, key, position, mesh, files[-1][0]))
+    data = leaf_glb(key, chunk, materials.materials, placed, context.texture_hash)
+    name = content_hash(data)
+    context.store.put(geometry_key(key, name), data)
+    own_triangles = 0 if chunk is None else len(chunk.triangles)
+    return GeometryEntry(name, len(data), own_triangles, sum(len(p.objects) for p in placed), tuple(files))
+
+
+def _placed(context: BakeContext, key: CellKey, position: int, mesh: int, name: str) -> PlacedMesh:
+    table = context.job.scene.instances
+    instances = np.unique(context.job.plan.rows(position)[0])
+    chosen = instances[table.mesh[instances] == mesh]
+    transforms = table.transform[chosen].copy()
+    transforms[:, :, 3] -= context.grid.bounds(key)[0]
+    order = np.lexsort((*transforms.reshape(len(chosen), -1).T, table.first_object[chosen]))
+    return PlacedMesh(name, transforms[order], table.first_object[chosen][order].astype(np.uint32))
+
+
+def _bounds(context: BakeContext, key: CellKey, chunk: Chunk) -> Bounds:
+    corner = context.grid.bounds(key)[0]
+    lower = corner + chunk.positions.min(0).astype(np.float64)
+    upper = corner + chunk.positions.max(0).astype(np.float64)
+    return _triple(lower), _triple(upper)
+
+
+def _triple(v: np.ndarray) -> tuple[float, float, float]:
+    return float(v[0]), float(v[1]), float(v[2])
+
+
+def _empty_entry(context: BakeContext, key: CellKey) -> CellEntry:
+    nowhere = (0.0, 0.0, 0.0)
+    return CellEntry(key=str(key), bounds=(nowhere, nowhere), error=context.grid.pitch(0))

@@ -1,0 +1,62 @@
+"""What a bake can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from farfield.errors import OptionError
+from farfield.geometry.directions import Direction, parse
+from farfield.octree.grid import Grid
+from farfield.represent.orthoview.quality import PRESETS as QUALITIES
+from farfield.world.keys import content_hash
+
+BAKE_VERSION = 1
+"""Grows whenever the same input would give other bytes; older records are then baked again."""
+
+
+@dataclass(frozen=True, slots=True)
+class BakeOptions:
+    """Options of `bake`. Raises OptionError when a value cannot be used."""
+
+    leaf_size: float | None = None
+    """Edge of a leaf, metres; None: the smallest power of two that gives at most 2,000 occupied leaves."""
+    resolution: int = 512
+    """Pixels of an orthoview across a leaf's edge, a multiple of 8."""
+    directions: str = "17"
+    """Preset of directions, or unit vectors (geometry.directions.parse)."""
+    depth_layers: int = 2
+    """Depth layers of a view: 1 or 2."""
+    quality: str = "normal"
+    """Preset of the codec: compact, normal, high."""
+    samples: int = 2
+    """Samples of a leaf pixel along each axis."""
+    workers: int = 0
+    """Worker processes; 0: one for each processor."""
+    geometry: bool = True
+    """Whether near geometry is written."""
+    object_ids: bool = True
+    """Whether object ids of the first layer are written."""
+
+    def __post_init__(self) -> None:
+        if self.leaf_size is not None and not 0 < self.leaf_size < 1e7:
+            raise OptionError(f"{self.leaf_size} is not a leaf size", "--leaf-size", "metres, above 0")
+        if not (16 <= self.resolution <= 2048 and self.resolution % 8 == 0):
+            raise OptionError(f"{self.resolution} is not a resolution", "--resolution", "a multiple of 8, 16 to 2048")
+        if self.depth_layers not in (1, 2):
+            raise OptionError(f"{self.depth_layers} is not a number of layers", "--depth-layers", "1 or 2")
+        if self.quality not in QUALITIES:
+            raise OptionError(f"{self.quality!r} is not a preset", "--quality", f"one of {', '.join(QUALITIES)}")
+        if not 1 <= self.samples <= 8:
+            raise OptionError(f"{self.samples} samples", "samples", "1 to 8 along each axis")
+        parse(self.directions)
+
+    def direction_list(self) -> tuple[Direction, ...]:
+        """The chosen directions, ascending by number."""
+        return parse(self.directions)
+
+    def signature(self, grid: Grid) -> str:
+        """Hash of everything but the geometry that decides a cell's bytes."""
+        vectors = [(d.number, d.vector) for d in self.direction_list()]
+        facts = (BAKE_VERSION, grid.leaf_size, grid.resolution, grid.corner, vectors)
+        chosen = (self.depth_layers, self.quality, self.samples, self.geometry, self.object_ids)
+        return content_hash(repr((facts, chosen)).encode())

@@ -1,0 +1,161 @@
+"""Which blocks of which instances lie in which leaf, and the grid that suits the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.bake.survey import MeshSummary
+from farfield.errors import InputError
+from farfield.octree.grid import CellKey, Grid, axis_levels_of
+from farfield.scene.model import Instances, Scene
+
+MOST_LEAVES = 2000
+"""Occupied leaves that the default leaf size allows."""
+LARGEST_WORLD = 1 << 20
+"""Leaves along an axis beyond which the leaf size is refused as absurd."""
+_PAD = 64
+"""The corner lies at least 1/64 of a leaf below the scene, so that ground does not lie on a cell plane."""
+_SLACK = 2.0**-15
+"""Boxes are grown by this share of a leaf, more than clipping rounds (2^-17)."""
+_CHUNK = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Rows (leaf, instance, block), sorted by leaf; a leaf's rows are start[i]:start[i + 1]."""
+
+    grid: Grid
+    leaves: NDArray[np.int64]
+    """(n, 3) int64 leaf indices, ascending; a leaf may turn out to hold nothing after clipping."""
+    start: NDArray[np.int64]
+    """(n + 1,) int64 into instance and block."""
+    instance: NDArray[np.int32]
+    block: NDArray[np.int32]
+    bounds: NDArray[np.float64]
+    """(2, 3) float64 bounds of the block boxes, local metres."""
+
+    def keys(self) -> list[CellKey]:
+        """Keys of the leaves, ascending."""
+        return [CellKey(0, int(x), int(y), int(z)) for x, y, z in self.leaves]
+
+    def rows(self, leaf: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Instances and blocks of the leaf at that position in `leaves`."""
+        rows = slice(int(self.start[leaf]), int(self.start[leaf + 1]))
+        return self.instance[rows], self.block[rows]
+
+
+def make_plan(scene: Scene, summaries: list[MeshSummary], leaf_size: float | None, resolution: int) -> Plan:
+    """Sorts the scene into leaves. Raises InputError when its extent and the leaf size do not fit together."""
+    bounds = scene_bounds(scene, summaries)
+    size = default_leaf_size(scene, summaries, bounds) if leaf_size is None else leaf_size
+    reach = float((bounds[1] - bounds[0]).max()) / size
+    if not np.isfinite(reach) or reach > LARGEST_WORLD:
+        raise InputError(
+            f"the scene is {reach:.3g} leaves wide", "", "check its coordinates, or give a larger --leaf-size"
+        )
+    corner = np.floor(bounds[0] / size * _PAD - 1) * size / _PAD
+    leaf, instance, block = _rows(scene, summaries, corner, size)
+    order = np.lexsort((block, instance, leaf[:, 2], leaf[:, 1], leaf[:, 0]))
+    leaf = leaf[order]
+    first = np.ones(len(leaf), bool)
+    first[1:] = (leaf[1:] != leaf[:-1]).any(1)
+    start = np.append(np.flatnonzero(first), len(leaf))
+    levels = axis_levels_of(leaf.min(0), leaf.max(0))
+    x, y, z = (float(c) for c in corner)
+    grid = Grid(float(size), resolution, (x, y, z), levels)
+    return Plan(grid, leaf[first], start, instance[order], block[order], bounds)
+
+
+def scene_bounds(scene: Scene, summaries: list[MeshSummary]) -> NDArray[np.float64]:
+    """(2, 3) float64 bounds of all placed blocks. Raises InputError when there are none or they are not finite."""
+    lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
+    for _, boxes in _placed_boxes(scene.instances, summaries):
+        lower = np.minimum(lower, boxes[..., 0, :].min((0, 1)))
+        upper = np.maximum(upper, boxes[..., 1, :].max((0, 1)))
+    bounds = np.stack([lower, upper])
+    if not np.isfinite(bounds).all():
+        raise InputError("the scene has no finite extent", "", "check the transforms of its instances")
+    return bounds
+
+
+def default_leaf_size(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64]) -> float:
+    """Smallest power of two, in metres, that gives at most MOST_LEAVES occupied leaves."""
+    extent = float((bounds[1] - bounds[0]).max())
+    exponent = int(np.ceil(np.log2(max(extent, 1e-6))))
+    while exponent > -30 and _occupied(scene, summaries, bounds, 2.0 ** (exponent - 1)) <= MOST_LEAVES:
+        exponent -= 1
+        if 2.0**exponent < extent / 4096:
+            break
+    return 2.0**exponent
+
+
+def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], size: float) -> int:
+    corner = np.floor(bounds[0] / size * _PAD - 1) * size / _PAD
+    found: set[int] = set()
+    for _, boxes in _placed_boxes(scene.instances, summaries):
+        lower, upper = _leaf_range(boxes.reshape(-1, 2, 3), corner, size)
+        counts = np.prod(upper - lower + 1, axis=1)
+        if counts.max() > MOST_LEAVES:
+            return MOST_LEAVES + 1
+        cells, _ = _expand(lower, upper)
+        code = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+        found.update(np.unique(code).tolist())
+        if len(found) > MOST_LEAVES:
+            break
+    return len(found)
+
+
+def _placed_boxes(
+    instances: Instances, summaries: list[MeshSummary]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    """Instances of one mesh, a portion at a time, and their blocks' boxes (k, b, 2, 3) in local metres."""
+    for mesh, summary in enumerate(summaries):
+        placed = np.flatnonzero(instances.mesh == mesh)
+        if not len(summary.boxes):
+            continue
+        middle, half = summary.boxes.mean(1), (summary.boxes[:, 1] - summary.boxes[:, 0]) / 2
+        portion = max(1, _CHUNK // len(summary.boxes))
+        for begin in range(0, len(placed), portion):
+            rows = placed[begin : begin + portion]
+            turn, shift = instances.transform[rows, :, :3], instances.transform[rows, :, 3]
+            centre = np.einsum("kij,bj->kbi", turn, middle) + shift[:, None]
+            reach = np.einsum("kij,bj->kbi", np.abs(turn), half)
+            yield rows, np.stack([centre - reach, centre + reach], 2)
+
+
+def _leaf_range(
+    boxes: NDArray[np.float64], corner: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    lower = np.floor((boxes[:, 0] - corner) / size - _SLACK).astype(np.int64)
+    upper = np.floor((boxes[:, 1] - corner) / size + _SLACK).astype(np.int64)
+    return np.maximum(lower, 0), np.maximum(upper, 0)
+
+
+def _expand(lower: NDArray[np.int64], upper: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """All cells of each range, (n, 3), and the row each came from, (n,)."""
+    extent = upper - lower + 1
+    counts = np.prod(extent, axis=1)
+    row = np.repeat(np.arange(len(counts)), counts)
+    local = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    e = extent[row]
+    z = local % e[:, 2]
+    y = local // e[:, 2] % e[:, 1]
+    x = local // (e[:, 2] * e[:, 1])
+    return lower[row] + np.stack([x, y, z], 1), row
+
+
+def _rows(
+    scene: Scene, summaries: list[MeshSummary], corner: NDArray[np.float64], size: float
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
+    leaves, instances, blocks = [], [], []
+    for placed, boxes in _placed_boxes(scene.instances, summaries):
+        count = boxes.shape[1]
+        cells, row = _expand(*_leaf_range(boxes.reshape(-1, 2, 3), corner, size))
+        leaves.append(cells)
+        instances.append(placed[row // count].astype(np.int32))
+        blocks.append((row % count).astype(np.int32))
+    return np.concatenate(leaves), np.concatenate(instances), np.concatenate(blocks)

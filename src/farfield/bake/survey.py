@@ -1,0 +1,107 @@
+"""First pass over a scene: each mesh is loaded once and only its block boxes, counts and hash are kept."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.errors import InputError
+from farfield.progress import Progress
+from farfield.represent.blocks import BlockedMesh
+from farfield.scene.model import Material, Mesh, Scene
+
+CACHE_BYTES = 1 << 30
+"""Meshes a process keeps loaded; the least recently used go first."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeshSummary:
+    """What the plan needs to know of a mesh."""
+
+    boxes: NDArray[np.float64]
+    """(b, 2, 3) float64: bounds of each block of triangles, mesh frame; b = 0 for a mesh that cannot be used."""
+    triangles: int
+    content: str
+    """Hash of geometry and materials."""
+
+
+@dataclass(slots=True)
+class LoadedMesh:
+    """A mesh in blocks with its materials."""
+
+    blocks: BlockedMesh
+    materials: tuple[Material, ...]
+
+
+class MeshCache:
+    """Loads meshes of a scene and keeps the recently used ones within a budget of bytes."""
+
+    def __init__(self, scene: Scene, budget: int = CACHE_BYTES) -> None:
+        self._scene = scene
+        self._budget = budget
+        self._kept: OrderedDict[int, tuple[LoadedMesh, int]] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, index: int) -> LoadedMesh:
+        """The mesh, from memory or read again. Raises InputError."""
+        if index in self._kept:
+            self._kept.move_to_end(index)
+            return self._kept[index][0]
+        return self.add(index, self._scene.meshes[index].load())
+
+    def add(self, index: int, mesh: Mesh) -> LoadedMesh:
+        """Blocks of a mesh just read; kept."""
+        loaded = LoadedMesh(BlockedMesh.from_mesh(mesh), mesh.materials)
+        size = mesh_bytes(mesh)
+        self._kept[index] = (loaded, size)
+        self._bytes += size
+        while self._bytes > self._budget and len(self._kept) > 1:
+            _, (_, freed) = self._kept.popitem(last=False)
+            self._bytes -= freed
+        return loaded
+
+
+def mesh_bytes(mesh: Mesh) -> int:
+    """Bytes of a mesh's arrays and textures."""
+    arrays = (mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.colors, mesh.triangle_object)
+    textures = {id(m.texture): m.texture.pixels.nbytes for m in mesh.materials if m.texture is not None}
+    return sum(a.nbytes for a in arrays if a is not None) + sum(textures.values())
+
+
+def survey(scene: Scene, cache: MeshCache, progress: Progress) -> list[MeshSummary]:
+    """Summaries of all meshes. A mesh that cannot be read is reported and left out; InputError when none is left."""
+    progress.start(len(scene.meshes), "meshes surveyed")
+    summaries, problem = [], None
+    for index, source in enumerate(scene.meshes):
+        try:
+            mesh = source.load()
+            for warning in mesh.warnings:
+                progress.note(warning)
+            loaded = cache.add(index, mesh)
+            summaries.append(MeshSummary(loaded.blocks.boxes, len(mesh.triangles), _content(mesh)))
+        except InputError as error:
+            progress.note(f"left out: {error}")
+            problem = error
+            summaries.append(MeshSummary(np.zeros((0, 2, 3)), 0, ""))
+        progress.advance()
+    progress.finish()
+    if all(s.triangles == 0 for s in summaries):
+        raise problem or InputError("nothing to bake: the scene holds no triangle")
+    return summaries
+
+
+def _content(mesh: Mesh) -> str:
+    digest = blake2b(digest_size=16)
+    arrays = [mesh.positions, mesh.triangles, mesh.normals, mesh.triangle_material]
+    for array in (*arrays, mesh.uvs, mesh.colors, mesh.triangle_object):
+        digest.update(b"-" if array is None else np.ascontiguousarray(array).data.cast("B"))
+    for m in mesh.materials:
+        digest.update(repr((m.base_color, m.alpha_cutoff, m.double_sided, m.unlit)).encode())
+        if m.texture is not None:
+            digest.update(repr(m.texture.pixels.shape).encode())
+            digest.update(np.ascontiguousarray(m.texture.pixels).data.cast("B"))
+    return digest.hexdigest()

@@ -1,0 +1,106 @@
+"""Depth-first walk of a subtree: leaves are drawn, parents composited from their children (OV 4.1).
+
+At any moment the tiles of one cell per level and its finished siblings are in memory, and each orthoview is written
+once; none is read back but those an earlier, interrupted bake had finished.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from farfield.bake.cell import BakedCell, Record, read_record, write_record
+from farfield.bake.context import BakeContext
+from farfield.bake.leaf import bake_leaf
+from farfield.bake.tiles import CellTiles, store_tiles
+from farfield.octree.grid import CellKey
+from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.represent.orthoview.object_tile import with_objects
+from farfield.represent.orthoview.parent import composite
+from farfield.represent.orthoview.tile import decode_tile
+from farfield.represent.orthoview.view_table import choose_views
+from farfield.store.contract import Store
+from farfield.world.index import Bounds, CellEntry
+from farfield.world.keys import content_hash, objects_key, orthoview_key
+
+Children = dict[CellKey, tuple[CellKey, ...]]
+"""Cells of the plan below each cell that is not a leaf."""
+
+
+def bake_subtree(context: BakeContext, key: CellKey, children: Children, done: Callable[[], None]) -> BakedCell | None:
+    """Bakes `key` and all below; None when nothing is there. `done` is called after every leaf."""
+    if key.level == 0:
+        leaf = bake_leaf(context, key)
+        done()
+        return leaf
+    below = [bake_subtree(context, child, children, done) for child in children[key]]
+    return bake_parent(context, key, [cell for cell in below if cell is not None])
+
+
+def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) -> BakedCell | None:
+    """Composites a cell from its finished children, ascending by key; None when there are none."""
+    if not below:
+        return None
+    source = content_hash(context.job.signature.encode(), *(c.record.entry.output.encode() for c in below))
+    record = read_record(context.store, key, source)
+    fresh = record is None
+    tiles = objects = None
+    if record is None:
+        built = _composite(context, key, below)
+        cell_hash = store_tiles(context, key, built)
+        record = Record(source, _entry(context, key, below, built, cell_hash), 0, built.object_bytes)
+        write_record(context.store, key, record)
+        tiles, objects = built.encoded, built.objects
+    entries = [entry for cell in below for entry in (cell.record.entry, *cell.below)]
+    rebuilt = sum(cell.rebuilt for cell in below) + fresh
+    for cell in below:
+        cell.release()
+    return BakedCell(key, record, fresh, tiles, objects, entries, rebuilt)
+
+
+def _composite(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) -> CellTiles:
+    tiles = CellTiles(context, key)
+    drawn = {}
+    for direction in context.directions:
+        children = [_decoded(context, cell, direction.number) for cell in below]
+        layers = composite([c for c in children if c], context.job.options.depth_layers)
+        if layers:
+            drawn[direction.number] = layers
+            tiles.add(direction, layers)
+    tiles.views = choose_views(drawn, context.directions, context.grid, key)
+    return tiles
+
+
+def _decoded(context: BakeContext, cell: BakedCell, direction: int) -> list[OrthoLayer]:
+    encoded, objects = cell.tiles_from(context.store), cell.objects_from(context.store)
+    layers = []
+    for index in range(context.job.options.depth_layers):
+        if (direction, index) in encoded:
+            where = orthoview_key(cell.key, direction, index, cell.record.entry.hash)
+            layer = decode_tile(encoded[direction, index], where).layer
+            if (direction, index) in objects:
+                where = objects_key(cell.key, direction, index, cell.record.entry.hash)
+                layer = with_objects(layer, objects[direction, index], where)
+            layers.append(layer)
+    return layers
+
+
+def _entry(
+    context: BakeContext, key: CellKey, below: Sequence[BakedCell], tiles: CellTiles, cell_hash: str
+) -> CellEntry:
+    outputs = [cell.record.entry.output.encode() for cell in below]
+    return CellEntry(
+        key=str(key),
+        bounds=_union([cell.record.entry.bounds for cell in below]),
+        error=context.grid.pitch(key.level),
+        hash=cell_hash,
+        tiles=tiles.listing(),
+        views=tiles.views,
+        children=tuple(str(cell.key) for cell in below),
+        output=content_hash(cell_hash.encode(), *outputs),
+    )
+
+
+def _union(bounds: Sequence[Bounds]) -> Bounds:
+    x0, y0, z0 = (min(b[0][a] for b in bounds) for a in range(3))
+    x1, y1, z1 = (max(b[1][a] for b in bounds) for a in range(3))
+    return (x0, y0, z0), (x1, y1, z1)

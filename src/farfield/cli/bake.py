@@ -1,0 +1,78 @@
+"""`farfield bake`: from sources to a world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from farfield.cli.options import JsonOption
+from farfield.cli.output import in_bytes, in_time, report
+from farfield.cli.progress import shown_progress
+
+SourcesArgument = Annotated[
+    list[Path], typer.Argument(metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, scene.toml.")
+]
+WorldOption = Annotated[Path, typer.Option("-o", "--output", metavar="WORLD", help="Folder of the world to make.")]
+LeafSizeOption = Annotated[
+    float | None,
+    typer.Option(metavar="M", help="Edge of a leaf cell, metres; default: at most 2,000 occupied leaves."),
+]
+ResolutionOption = Annotated[int, typer.Option(metavar="PX", help="Pixels of an orthoview across a leaf.")]
+DirectionsOption = Annotated[
+    str, typer.Option(metavar="PRESET", help="5, 9, 9c, 13, 17, 26, or unit vectors x,y,z joined by +.")
+]
+LayersOption = Annotated[int, typer.Option(metavar="1|2", help="Depth layers of a view.")]
+RepresentOption = Annotated[str, typer.Option(metavar="A,B", help="Representations: orthoview, geometry.")]
+WorkersOption = Annotated[int, typer.Option(metavar="N", min=0, help="Worker processes; 0: one a processor.")]
+QualityOption = Annotated[str, typer.Option(metavar="PRESET", help="compact, normal or high.")]
+
+
+def command(
+    sources: SourcesArgument,
+    output: WorldOption,
+    leaf_size: LeafSizeOption = None,
+    resolution: ResolutionOption = 512,
+    directions: DirectionsOption = "17",
+    depth_layers: LayersOption = 2,
+    represent: RepresentOption = "orthoview,geometry",
+    workers: WorkersOption = 0,
+    quality: QualityOption = "normal",
+    as_json: JsonOption = False,
+) -> None:
+    """Bake SOURCE… into a world; goes on where an interrupted bake of the same input stopped."""
+    from farfield.bake.options import BakeOptions
+    from farfield.pipeline import bake_sources
+
+    options = BakeOptions(
+        leaf_size=leaf_size,
+        resolution=resolution,
+        directions=directions,
+        depth_layers=depth_layers,
+        quality=quality,
+        workers=workers,
+        geometry=_wants_geometry(represent),
+    )
+    with shown_progress() as progress:
+        facts = bake_sources(sources, output, options, progress)
+    report(facts, as_json=as_json, text=_summary(facts, output))
+
+
+def _wants_geometry(represent: str) -> bool:
+    from farfield.errors import OptionError
+
+    names = {name.strip() for name in represent.split(",") if name.strip()}
+    unknown = names - {"orthoview", "geometry"}
+    if unknown or "orthoview" not in names:
+        what = f"cannot represent by {', '.join(sorted(unknown)) or 'nothing'}"
+        raise OptionError(what, "--represent", "orthoview, or orthoview,geometry")
+    return "geometry" in names
+
+
+def _summary(facts: dict[str, Any], output: Path) -> str:
+    return (
+        f"{output}: {facts['triangles']:,} triangles in {in_time(facts['seconds'])} "
+        f"({facts['triangles_per_second']:,.0f}/s), {facts['cells']:,} cells in {facts['levels']} levels, "
+        f"{facts['orthoviews']:,} orthoviews, {in_bytes(facts['bytes'])} from {in_bytes(facts['source_bytes'])}"
+    )
