@@ -1,0 +1,125 @@
+"""Triangles to samples: a visibility buffer (depth and triangle of the nearest fragment); fastest for large triangles.
+
+Which samples a triangle covers is decided exactly (see `edges`). Equal depths go to the lower triangle index.
+`rasterise_key` computes the same buffers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit, types
+
+from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
+from farfield.kernels.surface import F32_2, MATERIALS, SURFACE, U32_2
+from farfield.kernels.texture import is_hole
+
+_ONE = np.float32(1.0)
+
+
+@njit(types.void(F32_2, SURFACE, MATERIALS, F32_2, F32_2, U32_2), cache=True, nogil=True, error_model="numpy")
+def rasterise(screen, surface, materials, behind, depth, ids):  # type: ignore[no-untyped-def]
+    """Draws every triangle of `surface` into depth and ids.
+
+    screen: (n, 4) float32 per corner: x, y in samples (multiples of 1/256; right, down), z linear on the screen
+        (distance along the view for orthographic views, -1/w for perspective ones), 1/w.
+    behind: (h, at least w) float32: only fragments with z > behind of their sample are drawn; (0, 0): all are.
+    depth: (h, w) float32 in and out; FAR where nothing is yet.
+    ids: (h, w) uint32 in and out; triangle index, NOTHING where nothing is yet.
+    """
+    limited = behind.shape[0] > 0
+    for number in range(surface.triangles.shape[0]):
+        t = np.uintp(number)
+        ia = np.uintp(surface.triangles[t, 0])
+        ib = np.uintp(surface.triangles[t, 1])
+        ic = np.uintp(surface.triangles[t, 2])
+        x0, x1, y0, y1, small = bounding_samples(screen, ia, ib, ic, depth.shape[1], depth.shape[0])
+        if x0 > x1 or y0 > y1:
+            continue
+        ax = screen[ia, 0]
+        ay = screen[ia, 1]
+        bx = np.float64(screen[ib, 0]) - ax
+        by = np.float64(screen[ib, 1]) - ay
+        cx = np.float64(screen[ic, 0]) - ax
+        cy = np.float64(screen[ic, 1]) - ay
+        twice = bx * cy - cx * by
+        if twice == 0.0:
+            continue
+        if twice < 0.0:  # wound the other way: swap corners, so that weights are positive inside
+            ib, ic = ic, ib
+            bx, cx = cx, bx
+            by, cy = cy, by
+            twice = -twice
+        az = screen[ia, 2]
+        wa = screen[ia, 3]
+        wb = screen[ib, 3]
+        wc = screen[ic, 3]
+        material = surface.materials[t]
+        masked = materials.cutoff[material] >= 0
+        tag = np.uint32(t)
+        if small:
+            area, eb_row, ec_row, right_b, right_c, down_b, down_c, bias_a, bias_b, bias_c = small_edges(
+                ax, ay, bx, by, cx, cy, x0, y0
+            )
+            share = _ONE / np.float32(area)
+            zb = (screen[ib, 2] - az) * share
+            zc = (screen[ic, 2] - az) * share
+            for y in range(y0, y1 + 1):
+                row = np.uintp(y)
+                eb = eb_row
+                ec = ec_row
+                for x in range(x0, x1 + 1):
+                    ea = np.int32(area - eb - ec)
+                    if (np.int32(ea + bias_a) | np.int32(eb + bias_b) | np.int32(ec + bias_c)) >= 0:
+                        column = np.uintp(x)
+                        z = az + (np.float32(eb) * zb + np.float32(ec) * zc)
+                        if z < depth[row, column] and not (limited and z <= behind[row, column]):
+                            hole = False
+                            if masked:
+                                a, b, c = corner_weights(ea, eb, ec, wa, wb, wc)
+                                hole = is_hole(surface, materials, material, ia, ib, ic, a, b, c)
+                            if not hole:
+                                depth[row, column] = z
+                                ids[row, column] = tag
+                    eb = np.int32(eb + right_b)
+                    ec = np.int32(ec + right_c)
+                eb_row = np.int32(eb_row + down_b)
+                ec_row = np.int32(ec_row + down_c)
+            continue
+        dzb = (np.float64(screen[ib, 2]) - az) / twice
+        dzc = (np.float64(screen[ic, 2]) - az) / twice
+        zx = np.float32(cy * dzb - by * dzc)
+        for y in range(y0, y1 + 1):
+            first, last, eb, ec = inside_span(bx, by, cx, cy, twice, x0 + 0.5 - ax, y + 0.5 - ay, x1 - x0 + 1)
+            if first > last:
+                continue
+            z0 = np.float32(az + ((eb + cy * first) * dzb + (ec - by * first) * dzc))
+            row = np.uintp(y)
+            start = np.uintp(x0 + first)
+            count = np.uintp(last - first + 1)
+            if masked:
+                for j in range(count):
+                    z = z0 + zx * np.float32(j)
+                    column = start + np.uintp(j)
+                    if z < depth[row, column] and not (limited and z <= behind[row, column]):
+                        fb = eb + cy * (first + j)
+                        fc = ec - by * (first + j)
+                        a, b, c = corner_weights(twice - fb - fc, fb, fc, wa, wb, wc)
+                        if not is_hole(surface, materials, material, ia, ib, ic, a, b, c):
+                            depth[row, column] = z
+                            ids[row, column] = tag
+                continue
+            depth_row = depth[row, start : start + count]
+            id_row = ids[row, start : start + count]
+            if limited:
+                limit_row = behind[row, start : start + count]
+                for j in range(count):
+                    z = z0 + zx * np.float32(j)
+                    nearer = (z < depth_row[j]) & (z > limit_row[j])
+                    depth_row[j] = z if nearer else depth_row[j]
+                    id_row[j] = tag if nearer else id_row[j]
+            else:
+                for j in range(count):
+                    z = z0 + zx * np.float32(j)
+                    nearer = z < depth_row[j]
+                    depth_row[j] = z if nearer else depth_row[j]
+                    id_row[j] = tag if nearer else id_row[j]

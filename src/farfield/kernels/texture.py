@@ -1,0 +1,78 @@
+"""Texture look-ups shared by the drawing kernels: repeat in both axes, nearest mip level, bilinear in linear light.
+
+Numba's cache does not see changes of an imported function: after an edit here, touch the kernels that import it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from farfield.geometry.color import LINEAR_OF_BYTE
+
+_HALF = np.float32(0.5)
+
+
+@njit(nogil=True, error_model="numpy", inline="never")
+def texel_alpha(materials, texture, u, v):  # type: ignore[no-untyped-def]
+    """Alpha 0..1 of the nearest texel of the full-resolution level: the unbiased estimate of cover at a point."""
+    width = materials.size[texture, 0]
+    height = materials.size[texture, 1]
+    # Clamping also catches NaN and infinite coordinates, whose conversion gives the smallest integer.
+    column = min(max(np.int64((u - math.floor(u)) * width), 0), width - 1)
+    row = min(max(np.int64((v - math.floor(v)) * height), 0), height - 1)
+    return materials.pixels[materials.level[texture, 0] + row * width + column, 3] * np.float32(1.0 / 255.0)
+
+
+@njit(nogil=True, error_model="numpy", inline="never")
+def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyped-def]
+    """Linear (r, g, b) at u, v. footprint: squared length in full-resolution texels of what is averaged."""
+    levels = materials.size[texture, 2]
+    level = 0
+    while footprint > 2.0 and level + 1 < levels:
+        footprint *= np.float32(0.25)
+        level += 1
+    width = max(materials.size[texture, 0] >> level, 1)
+    height = max(materials.size[texture, 1] >> level, 1)
+    x = (u - math.floor(u)) * width - _HALF
+    y = (v - math.floor(v)) * height - _HALF
+    left = math.floor(x)
+    top = math.floor(y)
+    fx = np.float32(x - left)
+    fy = np.float32(y - top)
+    x0 = min(max(np.int64(left), -1), width - 1)
+    y0 = min(max(np.int64(top), -1), height - 1)
+    x1 = x0 + 1 if x0 + 1 < width else 0
+    y1 = y0 + 1 if y0 + 1 < height else 0
+    x0 = x0 if x0 >= 0 else width - 1
+    y0 = y0 if y0 >= 0 else height - 1
+    base = materials.level[texture, level]
+    a = base + y0 * width
+    b = base + y1 * width
+    w00 = (np.float32(1.0) - fx) * (np.float32(1.0) - fy)
+    w10 = fx * (np.float32(1.0) - fy)
+    w01 = (np.float32(1.0) - fx) * fy
+    w11 = fx * fy
+    p = materials.pixels
+    linear = LINEAR_OF_BYTE
+    r = w00 * linear[p[a + x0, 0]] + w10 * linear[p[a + x1, 0]] + w01 * linear[p[b + x0, 0]] + w11 * linear[p[b + x1, 0]]
+    g = w00 * linear[p[a + x0, 1]] + w10 * linear[p[a + x1, 1]] + w01 * linear[p[b + x0, 1]] + w11 * linear[p[b + x1, 1]]
+    c = w00 * linear[p[a + x0, 2]] + w10 * linear[p[a + x1, 2]] + w01 * linear[p[b + x0, 2]] + w11 * linear[p[b + x1, 2]]
+    return r, g, c
+
+
+@njit(nogil=True, error_model="numpy", inline="never")
+def is_hole(surface, materials, material, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
+    """Whether an alpha-masked surface is cut out at weights a, b, c (summing to 1) of corners i, j, k."""
+    alpha = materials.base_color[material, 3]
+    texture = materials.texture[material]
+    if texture >= 0 and surface.uvs.shape[0] > 0:
+        u = a * surface.uvs[i, 0] + b * surface.uvs[j, 0] + c * surface.uvs[k, 0]
+        v = a * surface.uvs[i, 1] + b * surface.uvs[j, 1] + c * surface.uvs[k, 1]
+        alpha *= texel_alpha(materials, texture, u, v)
+    if surface.colors.shape[0] > 0:
+        corner = a * surface.colors[i, 3] + b * surface.colors[j, 3] + c * surface.colors[k, 3]
+        alpha *= corner * np.float32(1.0 / 255.0)
+    return alpha < materials.cutoff[material]

@@ -1,0 +1,165 @@
+"""Orthoviews of a leaf, drawn from its triangles (OV 4.1): one direction, one or two depth layers."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.errors import OptionError
+from farfield.geometry.directions import Direction
+from farfield.kernels.edges import SUBSAMPLES
+from farfield.kernels.quantise import quantise
+from farfield.kernels.rasterise import rasterise
+from farfield.kernels.rasterise_key import EMPTY, LANES, rasterise_key, unpack_keys
+from farfield.kernels.resolve import PLANES, resolve
+from farfield.kernels.surface import FAR, NOTHING
+from farfield.octree.grid import CellKey, Grid
+from farfield.represent.chunk import Chunk
+from farfield.represent.materials import MaterialTable
+from farfield.represent.orthoview.layer import (
+    COVERAGE_STEPS,
+    DEPTH_STEPS_PER_PIXEL,
+    LENGTH_STEPS,
+    SEPARATION,
+    OrthoLayer,
+)
+
+KEY_BELOW = 16.0
+"""Samples a triangle, on average: below this the 64-bit-key rasteriser is the faster one (benchmarks/rasterise)."""
+
+_scratch = threading.local()
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The rectangle of the lattice that the chunk covers, and the chunk in it."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    depth: int
+    """Whole pitches from the grid's corner that screen depths are measured from."""
+    screen: NDArray[np.float32]
+    """(n, 4) float32, as `rasterise` takes it; z in pitches."""
+    axes: NDArray[np.float32]
+
+
+def draw_leaf(
+    chunk: Chunk,
+    materials: MaterialTable,
+    grid: Grid,
+    key: CellKey,
+    direction: Direction,
+    samples: int = 2,
+    layers: int = 2,
+) -> list[OrthoLayer]:
+    """The layers of one view of a cell, nearest first; empty when no sample is covered.
+
+    chunk: triangles relative to the lower corner of the cell; its material numbers refer to `materials`.
+    samples: 1 to 8 samples along each side of a pixel.
+    layers: 1 or 2; the second holds the nearest surface more than SEPARATION pitches behind the first.
+    `connected` is left 0 but for the unlit bit. Raises OptionError for other values of samples or layers.
+    """
+    if not 1 <= samples <= 8 or layers not in (1, 2):
+        raise OptionError("samples must be 1 to 8 and layers 1 or 2", f"samples {samples}, layers {layers}")
+    if len(chunk.triangles) == 0:
+        return []
+    if int(chunk.materials.max()) >= len(materials) or int(chunk.triangles.max()) >= len(chunk.positions):
+        raise OptionError("a triangle refers to a material or corner that is not there", str(key))
+    frame = _frame(chunk, grid, key, direction, samples)
+    if frame is None:
+        return []
+    drawn: list[OrthoLayer] = []
+    behind = np.empty((0, 0), dtype=np.float32)
+    for number in range(layers):
+        depth, ids = _visible(frame, chunk, materials, behind, samples)
+        wanted = number + 1 < layers
+        behind = _array("behind", (depth.shape[0], depth.shape[1] + LANES), np.float32) if wanted else behind[:0, :0]
+        pixels = _array("pixels", (frame.height, frame.width, PLANES), np.float32)
+        objects = _array("objects", (frame.height, frame.width), np.uint32)
+        valid = resolve(
+            frame.screen, chunk.surface, materials.arrays, frame.axes, samples, SEPARATION, depth, ids, behind, pixels,
+            objects,
+        )  # fmt: skip
+        if valid == 0:
+            break
+        drawn.append(_layer(frame, pixels, objects))
+    return drawn
+
+
+def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples: int) -> _Frame | None:
+    """Corners on the lattice. Offsets of the cell in float64: single precision would lose pixels far from the corner."""
+    pitch = grid.pitch(key.level)
+    axes = direction.axes
+    lower = np.array(key[1:], dtype=np.float64) * (grid.cell_size(key.level) / pitch)
+    place = chunk.positions.astype(np.float64) @ (axes.T / pitch) + axes @ lower
+    first, last = np.floor(place.min(0)), np.ceil(place.max(0))
+    if not np.isfinite(place).all() or (last[:2] == first[:2]).any():
+        return None
+    screen = np.empty((len(place), 4), dtype=np.float32)
+    grain = samples * SUBSAMPLES
+    screen[:, :2] = np.rint((place[:, :2] - first[:2]) * grain) / SUBSAMPLES
+    screen[:, 2] = place[:, 2] - first[2]
+    screen[:, 3] = 1.0
+    x, y, depth = (int(v) for v in first)
+    return _Frame(
+        x, y, int(last[0]) - x, int(last[1]) - y, depth, screen, np.ascontiguousarray(axes, dtype=np.float32)
+    )
+
+
+def _visible(
+    frame: _Frame, chunk: Chunk, materials: MaterialTable, behind: NDArray[np.float32], samples: int
+) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    shape = (frame.height * samples, frame.width * samples)
+    depth, ids = _array("depth", shape, np.float32), _array("ids", shape, np.uint32)
+    if shape[0] * shape[1] < KEY_BELOW * len(chunk.triangles):
+        keys = _array("keys", (shape[0], shape[1] + LANES), np.int64)
+        keys.fill(EMPTY)
+        rasterise_key(frame.screen, chunk.surface, materials.arrays, behind, keys)
+        unpack_keys(keys, depth, ids)
+    else:
+        depth.fill(FAR)
+        ids.fill(NOTHING)
+        rasterise(frame.screen, chunk.surface, materials.arrays, behind, depth, ids)
+    return depth, ids
+
+
+def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint32]) -> OrthoLayer:
+    shape = pixels.shape[:2]
+    steps = np.empty(shape, dtype=np.int32)
+    color, normal = np.empty((*shape, 3), dtype=np.uint8), np.empty((*shape, 2), dtype=np.uint8)
+    length, coverage, flags = (np.empty(shape, dtype=np.uint8) for _ in range(3))
+    quantise(
+        pixels, DEPTH_STEPS_PER_PIXEL, COVERAGE_STEPS, LENGTH_STEPS, steps, color, normal, length, coverage, flags
+    )
+    valid = coverage > 0
+    rows, columns = np.flatnonzero(valid.any(1)), np.flatnonzero(valid.any(0))
+    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    inside = valid[box]
+    base = int(steps[box][inside].min()) - 1
+    return OrthoLayer(
+        x=frame.x + int(columns[0]),
+        y=frame.y + int(rows[0]),
+        depth_base=frame.depth * DEPTH_STEPS_PER_PIXEL + base,
+        depth=np.where(inside, steps[box] - base, 0).astype(np.uint16),
+        color=color[box].copy(),
+        normal=normal[box].copy(),
+        length=length[box].copy(),
+        coverage=coverage[box].copy(),
+        connected=flags[box].copy(),
+        objects=objects[box].copy(),
+    )
+
+
+def _array(name: str, shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[np.generic]:
+    """A scratch array of this thread, contents undefined: fresh pages for every view would cost 5 ms of faults."""
+    count = int(np.prod(shape))
+    held = getattr(_scratch, name, None)
+    if held is None or held.size < count:
+        held = np.empty(count, dtype=dtype)
+        setattr(_scratch, name, held)
+    return held[:count].reshape(shape)
