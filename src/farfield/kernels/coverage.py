@@ -22,23 +22,23 @@ _F32 = types.Array(types.float32, 2, "C", readonly=True)
 
 
 @njit(
-    types.int64(_U16, _U8_3, _U8_2, _U8_2, _F32, types.float32, types.int64, types.UniTuple(types.int64, 2),
+    types.int64(_U16, _U8_3, _U8_2, _U8_2, _F32, types.float32, types.int64, types.int64, types.int64,
                 types.float32[:, ::1]),
     cache=True, nogil=True, error_model="numpy",
 )  # fmt: skip
-def sample_layer(depth, normal, coverage, flags, frame, pitch, step, first, samples):  # type: ignore[no-untyped-def]
+def sample_layer(depth, normal, coverage, flags, frame, pitch, step, first_row, first_column, samples):  # type: ignore[no-untyped-def]
     """Takes every `step`-th valid pixel of a layer in both axes; returns how many.
 
     depth .. flags: arrays of an OrthoLayer. frame: (4, 3) float32, rows origin (lattice column and row 0 of the arrays
-    at code 0, u, v, w metres from the middle) and the axes u, v, w in the world's frame. first: row and column of the
+    at code 0, u, v, w metres from the middle) and the axes u, v, w in the world's frame. first_row, first_column: the
     first sample. samples: (n, 8) float32, written: position (3) and normal (3) along the world's axes, coverage
     (0..1], 1 when connected else 0.
     """
     rows, columns = depth.shape
     count = 0
-    for j in range(first[0], rows, step):
+    for j in range(first_row, rows, step):
         cv = frame[0, 1] + (np.float32(j) + _HALF) * pitch
-        for i in range(first[1], columns, step):
+        for i in range(first_column, columns, step):
             if depth[j, i] == 0:
                 continue
             cu = frame[0, 0] + (np.float32(i) + _HALF) * pitch
@@ -102,8 +102,8 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, qual
             away = math.sqrt(ex * ex + ey * ey + ez * ez)
             worth = _worth(samples[k], towards[view], ex / away, ey / away, ez / away)
             reach = max(_HALF, _HALF * spacing * scale)
-            left, right = max(0, int(math.floor(x - reach + _HALF))), min(size, int(math.floor(x + reach + _HALF)))
-            top, bottom = max(0, int(math.floor(y - reach + _HALF))), min(size, int(math.floor(y + reach + _HALF)))
+            left, right = max(0, math.floor(x - reach + _HALF)), min(size, math.floor(x + reach + _HALF))
+            top, bottom = max(0, math.floor(y - reach + _HALF)), min(size, math.floor(y + reach + _HALF))
             for q in range(top, bottom):
                 for p in range(left, right):
                     if d < nearest[view, q, p]:

@@ -72,20 +72,21 @@ def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
 @njit(
     types.int64(
         _U16, _U8_3, _U8_3, _U8_2, _U8_2, _U8_2, _U32,
-        types.UniTuple(types.int64, 2), _F32, types.float32, types.float32, types.boolean,
+        types.int64, types.int64, _F32, types.float32, types.float32, types.boolean,
         types.float32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1],
     ),
     cache=True, nogil=True, error_model="numpy",
 )  # fmt: skip
 def splat_layer(  # type: ignore[no-untyped-def]
     depth, color, normal, length, coverage, flags, objects,
-    lattice, placement, pitch, near, clip,
+    lattice_x, lattice_y, placement, pitch, near, clip,
     frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws the splats of one layer; returns how many touched or could have touched the frame.
 
-    depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice: its (x, y), for the hash of thin
-    splats. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and UPPER apply.
+    depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice_x, lattice_y: its x and y, which the
+    hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and
+    UPPER apply.
     frame_depth: (H, W) float32 metres along the view axis, inf = nothing. frame_surface: (H, W) uint32, sRGB albedo in
     the low three bytes (red lowest) and the light byte. frame_normal: (H, W) uint32 or (0, 0), world normal, ten bits
     an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
@@ -105,7 +106,7 @@ def splat_layer(  # type: ignore[no-untyped-def]
     drawn = 0
     for j in range(rows):
         cv = placement[ORIGIN, 1] + (np.float32(j) + _HALF) * pitch
-        row_hash = (np.uint64((lattice[1] + j) & 0xFFFFFFFF) * np.uint64(0x85EBCA77)) & np.uint64(0xFFFFFFFF)
+        row_hash = (np.uint64((lattice_y + j) & 0xFFFFFFFF) * np.uint64(0x85EBCA77)) & np.uint64(0xFFFFFFFF)
         for i in range(columns):
             code = depth[j, i]
             if code == 0:
@@ -175,12 +176,12 @@ def splat_layer(  # type: ignore[no-untyped-def]
                 packed = _pack_normal(placement, nu, nv, nw)
             name = objects[j, i] if own_objects else np.uint32(0)
 
-            x0 = int(math.floor(sx))
-            y0 = int(math.floor(sy))
+            x0 = math.floor(sx)
+            y0 = math.floor(sy)
             if area < _F1:
                 if (
                     0 <= x0 < width and 0 <= y0 < height and d < frame_depth[y0, x0]
-                    and np.float32(_lattice_hash(row_hash, (lattice[0] + i) & 0xFFFFFFFF)) * _HASH_UNIT < area
+                    and np.float32(_lattice_hash(row_hash, (lattice_x + i) & 0xFFFFFFFF)) * _HASH_UNIT < area
                 ):  # fmt: skip
                     frame_depth[y0, x0] = d
                     frame_surface[y0, x0] = surface
@@ -190,10 +191,10 @@ def splat_layer(  # type: ignore[no-untyped-def]
                         frame_object[y0, x0] = name
                 continue
             inverse_determinant = _F1 / determinant
-            left = max(0, min(x0, int(math.ceil(sx - ex - _HALF))))
-            right = min(width - 1, max(x0, int(math.floor(sx + ex - _HALF))))
-            top = max(0, min(y0, int(math.ceil(sy - ey - _HALF))))
-            bottom = min(height - 1, max(y0, int(math.floor(sy + ey - _HALF))))
+            left = max(0, min(x0, math.ceil(sx - ex - _HALF)))
+            right = min(width - 1, max(x0, math.floor(sx + ex - _HALF)))
+            top = max(0, min(y0, math.ceil(sy - ey - _HALF)))
+            bottom = min(height - 1, max(y0, math.floor(sy + ey - _HALF)))
             for y in range(top, bottom + 1):
                 dy = np.float32(y) + _HALF - sy
                 for x in range(left, right + 1):

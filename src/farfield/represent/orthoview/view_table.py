@@ -80,7 +80,7 @@ def _samples(
             frame = np.concatenate([(corner + steps)[None], axes]).astype(np.float32)
             count += sample_layer(
                 layer.depth, layer.normal, layer.coverage, layer.connected, frame, np.float32(pitch), step,
-                (-layer.y % step, -layer.x % step), samples[count:],
+                -layer.y % step, -layer.x % step, samples[count:],
             )  # fmt: skip
         starts.append(count)
     return samples[:count], np.array(starts, dtype=np.int64)

@@ -1,0 +1,211 @@
+"""The reference renderer: a picture of a baked world by the rules the viewer follows (OV 4.2, 5; spec/drawing.md)."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.errors import CorruptTileError
+from farfield.geometry.cameras import Camera
+from farfield.geometry.frustum import Frustum
+from farfield.octree.cut import Cut, cut, near_radius, view_bin
+from farfield.octree.grid import CellKey
+from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.view.frame import Frame
+from farfield.view.picture import Picture, Statistics
+from farfield.view.shading import Light
+from farfield.view.tiles import TileCache, Wanted, places_of
+from farfield.world.index import CellEntry
+from farfield.world.world import World
+
+DEFAULT_VIEWS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions:
+    """How a world is drawn."""
+
+    views: int = DEFAULT_VIEWS
+    """Directions drawn of each cell."""
+    layers: int = 2
+    """Depth layers drawn of each direction, as far as they exist."""
+    supersampling: int = 4
+    """Samples a pixel along each axis."""
+    bias: float = 0.0
+    """Cells are taken from r * 2^(level - bias) on: 1 draws twice as fine."""
+    near_radius: float | None = None
+    """Metres within which leaves are geometry; None: r, as the cut defines it."""
+    far_only: bool = False
+    """Leave the near geometry out."""
+    nearest_by_angle: bool = False
+    """Ignore the table of views of each cell."""
+    light: Light = field(default_factory=Light)
+    normals: bool = False
+    """Keep the normals."""
+    ids: bool = False
+    """Keep the object ids."""
+
+
+def render_world(
+    world: World,
+    camera: Camera,
+    size: tuple[int, int],
+    options: RenderOptions | None = None,
+    cache: TileCache | None = None,
+) -> Picture:
+    """Draws a world.
+
+    size: width and height, pixels. cache: decoded tiles to take and leave; None: none are kept for later. Tiles that
+    cannot be read are stood in for by their cell's parent; the picture's statistics count them as warnings.
+    """
+    begun = time.perf_counter()
+    options = options or RenderOptions()
+    drawing = _Drawing(world, camera, size, options, cache or TileCache(world))
+    shown = drawing.tree.cut(camera, size, options)
+    drawing.draw_pictures(shown.pictures)
+    if not options.far_only:
+        drawing.draw_geometry(shown.geometry)
+    statistics = replace(drawing.statistics(), seconds=time.perf_counter() - begun)
+    return replace(drawing.frame.develop(options.light), statistics=statistics)
+
+
+def picture_radius(world: World, camera: Camera, size: tuple[int, int]) -> float:
+    """r of OV 4.2 for that picture, metres."""
+    across = 2 * math.atan(size[0] / 2 / camera.focal(size))
+    return near_radius(world.grid, size[0], across)
+
+
+class SoundTree:
+    """A world's tree that shows a cell itself where the index below it cannot be read."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.broken: list[CellKey] = []
+        """Cells whose children are unknown."""
+
+    @property
+    def roots(self) -> Iterable[CellKey]:
+        """See Tree."""
+        return self.world.roots
+
+    def children(self, key: CellKey) -> Iterable[CellKey]:
+        """See Tree."""
+        try:
+            below = self.world.children(key)
+            for child in below:
+                self.world.entry(child)
+        except (CorruptTileError, KeyError):
+            self.broken.append(key)
+            return ()
+        return below
+
+    def cut(self, camera: Camera, size: tuple[int, int], options: RenderOptions) -> Cut:
+        """The cells that a picture shows, inside the frustum or not."""
+        radius = picture_radius(self.world, camera, size)
+        near = radius if options.near_radius is None else options.near_radius
+        shown = cut(self, self.world.grid, np.array(camera.eye), radius / 2**options.bias, near)
+        shown.pictures.extend(self.broken)
+        return shown
+
+
+class _Drawing:
+    """One picture in the making."""
+
+    def __init__(
+        self, world: World, camera: Camera, size: tuple[int, int], options: RenderOptions, cache: TileCache
+    ) -> None:
+        self.tree = SoundTree(world)
+        self.frame = Frame.empty(camera, size, options.supersampling, options.normals, options.ids)
+        self.unreadable = 0
+        self._world, self._options, self._cache = world, options, cache
+        self._eye = np.array(camera.eye, dtype=np.float64)
+        self._frustum = Frustum.of(camera, size)
+        self._cells = self._orthoviews = self._splats = self._triangles = self._bytes = 0
+
+    def statistics(self) -> Statistics:
+        """What was drawn so far; seconds are not known here."""
+        return Statistics(
+            0.0, self._cells, self._orthoviews, self._splats, self._triangles, self._bytes, self.unreadable
+        )
+
+    def draw_pictures(self, keys: Iterable[CellKey]) -> None:
+        """Draws cells from their orthoviews, the nearest first."""
+        wanted = [self._wanted(entry) for entry in self._seen(keys)]
+        for cell, layers in self._cache.cells(wanted, self._options.ids):
+            if isinstance(layers, CorruptTileError):
+                self.unreadable += 1
+                self._stand_in(cell.key)
+            else:
+                self._splat(cell, layers, None)
+
+    def draw_geometry(self, leaves: Iterable[CellKey]) -> None:
+        """Draws leaves as triangles."""
+        for _ in near_geometry(self._world, leaves):
+            raise NotImplementedError
+
+    def _seen(self, keys: Iterable[CellKey]) -> list[CellEntry]:
+        entries = []
+        for key in keys:
+            try:
+                entry = self._world.entry(key)
+            except (CorruptTileError, KeyError):
+                self.unreadable += 1
+                continue
+            # A splat on the border of the content reaches a few pixels beyond it.
+            if self._frustum.touches(np.array(entry.bounds), margin=4 * entry.error):
+                entries.append(entry)
+        entries.sort(key=lambda e: self._away(np.array(e.bounds)))
+        return entries
+
+    def _away(self, bounds: NDArray[np.float64]) -> float:
+        gap = np.maximum(np.maximum(bounds[0] - self._eye, self._eye - bounds[1]), 0.0)
+        return float((gap * gap).sum())
+
+    def _wanted(self, entry: CellEntry) -> Wanted:
+        directions = chosen_directions(self._world, entry, self._eye, self._options)
+        return Wanted(entry.cell, places_of(entry, directions, self._options.layers))
+
+    def _stand_in(self, key: CellKey) -> None:
+        """Draws the nearest ancestor that can be read, clipped to the cell's box."""
+        box = self._world.grid.bounds(key)
+        while key.level < self._world.grid.top_level:
+            key = self._world.grid.parent(key)
+            try:
+                cell = self._wanted(self._world.entry(key))
+                layers = self._cache.layers(cell, self._options.ids)
+            except (CorruptTileError, KeyError):
+                continue
+            self._splat(cell, layers, box)
+            return
+
+    def _splat(self, cell: Wanted, layers: list[OrthoLayer], box: NDArray[np.float64] | None) -> None:
+        numbers = self._world.manifest.direction_by_number
+        sizes = {(d, layer): size for d, layer, size in self._world.entry(cell.key).tiles}
+        for place, layer in zip(cell.places, layers, strict=True):
+            direction, grid = numbers[place[0]], self._world.grid
+            self._splats += self.frame.splat(layer, direction, grid, cell.key.level, self._options.light, box)
+            self._bytes += sizes[place]
+        self._cells += 1
+        self._orthoviews += len({d for d, _ in cell.places})
+
+
+def chosen_directions(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> list[int]:
+    """Numbers of the directions to draw a cell from, best first: from its table, or else the nearest by angle."""
+    middle = np.array(entry.bounds).mean(0)
+    if entry.views and not options.nearest_by_angle:
+        return list(entry.views[view_bin(middle, eye)][: options.views])
+    towards = eye - middle
+    there = {d for d, _, _ in entry.tiles}
+    directions = [d for d in world.manifest.direction_by_number.values() if d.number in there]
+    directions.sort(key=lambda d: (-float((towards * np.array(d.vector)).sum()), d.number))
+    return [d.number for d in directions[: options.views]]
+
+
+def near_geometry(world: World, leaves: Iterable[CellKey]) -> Iterable[object]:
+    """Triangles of the leaves, with instances clipped to them. None until leaves can be read back as geometry."""
+    return ()
