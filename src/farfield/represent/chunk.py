@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from farfield.kernels.surface import Surface
+
+if TYPE_CHECKING:
+    from farfield.represent.blocks import BlockedMesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,20 @@ class Chunk:
     """(m,) uint32 into a MaterialTable."""
     objects: NDArray[np.uint32]
     """(m,) uint32 object id, 0 = none."""
+
+    @classmethod
+    def whole(cls, mesh: BlockedMesh) -> Chunk:
+        """All triangles of a mesh in its own frame, its own material and object numbers."""
+        placed = mesh.placed(np.eye(3, 4), mesh.all_blocks)
+        return cls(
+            placed.positions.astype(np.float32),
+            placed.normals,
+            placed.uvs,
+            placed.colors,
+            placed.triangles,
+            placed.materials,
+            placed.objects,
+        )
 
     @property
     def surface(self) -> Surface:

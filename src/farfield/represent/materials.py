@@ -31,9 +31,7 @@ class MaterialTable:
     def build(cls, materials: Sequence[Material]) -> MaterialTable:
         """The table whose row i is materials[i]; textures used by several are kept once."""
         pool = _Pool()
-        rows = [
-            -1 if m.texture is None else pool.add(m.texture, masked=m.alpha_cutoff is not None) for m in materials
-        ]
+        rows = [-1 if m.texture is None else pool.add(m.texture, masked=m.alpha_cutoff is not None) for m in materials]
         arrays = Materials(
             np.array([m.base_color for m in materials], dtype=np.float32).reshape(-1, 4),
             np.array(rows, dtype=np.int32),

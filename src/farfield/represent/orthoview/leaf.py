@@ -106,9 +106,7 @@ def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples
     screen[:, 2] = place[:, 2] - first[2]
     screen[:, 3] = 1.0
     x, y, depth = (int(v) for v in first)
-    return _Frame(
-        x, y, int(last[0]) - x, int(last[1]) - y, depth, screen, np.ascontiguousarray(axes, dtype=np.float32)
-    )
+    return _Frame(x, y, int(last[0]) - x, int(last[1]) - y, depth, screen, np.ascontiguousarray(axes, dtype=np.float32))
 
 
 def _visible(
@@ -133,9 +131,7 @@ def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint3
     steps = np.empty(shape, dtype=np.int32)
     color, normal = np.empty((*shape, 3), dtype=np.uint8), np.empty((*shape, 2), dtype=np.uint8)
     length, coverage, flags = (np.empty(shape, dtype=np.uint8) for _ in range(3))
-    quantise(
-        pixels, DEPTH_STEPS_PER_PIXEL, COVERAGE_STEPS, LENGTH_STEPS, steps, color, normal, length, coverage, flags
-    )
+    quantise(pixels, DEPTH_STEPS_PER_PIXEL, COVERAGE_STEPS, LENGTH_STEPS, steps, color, normal, length, coverage, flags)
     valid = coverage > 0
     rows, columns = np.flatnonzero(valid.any(1)), np.flatnonzero(valid.any(0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
