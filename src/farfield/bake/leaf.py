@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from farfield.bake.cell import BakedCell, Record, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
-from farfield.represent.chunk import Chunk
+from farfield.represent.chunk import Chunk, merge
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.represent.orthoview.leaf import draw_leaf
 from farfield.represent.orthoview.view_table import choose_views
@@ -31,7 +33,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
         return None
     materials = context.materials(tuple(sorted(parts)))
-    chunk = Chunk.merge([piece for mesh in sorted(parts) for piece in parts[mesh]])
+    chunk = merge([piece for mesh in sorted(parts) for piece in parts[mesh]])
     tiles = _draw(context, key, chunk, materials)
     geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
     cell_hash = store_tiles(context, key, tiles)
@@ -81,7 +83,7 @@ def _clip(context: BakeContext, key: CellKey, position: int) -> Parts:
             (key.x, key.y, key.z),
             base[mesh],
             int(table.first_object[instance]),
-            chosen,
+            chosen.astype(np.int64),
         )
         if piece is not None:
             pieces.append((mesh, piece))
@@ -96,7 +98,8 @@ def _rebased(context: BakeContext, pieces: list[tuple[int, Chunk]], base: dict[i
         return parts
     final = context.materials(present).base
     for mesh, piece in pieces:
-        parts.setdefault(mesh, []).append(piece.with_material_offset(final[mesh] - base[mesh]))
+        number = piece.materials - np.uint32(base[mesh]) + np.uint32(final[mesh])
+        parts.setdefault(mesh, []).append(replace(piece, materials=number))
     return parts
 
 
@@ -117,7 +120,7 @@ def _near_geometry(
     context: BakeContext, key: CellKey, position: int, parts: Parts, materials: LeafMaterials
 ) -> GeometryEntry:
     own = [piece for mesh in sorted(parts) if not context.shared[mesh] for piece in parts[mesh]]
-    chunk = Chunk.merge(own) if own else None
+    chunk = merge(own) if own else None
     placed, files = [], []
     for mesh in sorted(parts):
         if context.shared[mesh]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from farfield.errors import OptionError
 from farfield.geometry.directions import Direction, parse
 from farfield.octree.grid import Grid
-from farfield.represent.orthoview.quality import PRESETS as QUALITIES
+from farfield.represent.orthoview.quality import QUALITIES
 from farfield.world.keys import content_hash
 
 BAKE_VERSION = 1

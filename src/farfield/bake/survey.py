@@ -98,10 +98,10 @@ def _content(mesh: Mesh) -> str:
     digest = blake2b(digest_size=16)
     arrays = [mesh.positions, mesh.triangles, mesh.normals, mesh.triangle_material]
     for array in (*arrays, mesh.uvs, mesh.colors, mesh.triangle_object):
-        digest.update(b"-" if array is None else np.ascontiguousarray(array).data.cast("B"))
+        digest.update(b"-" if array is None else np.ascontiguousarray(array).reshape(-1).view(np.uint8))
     for m in mesh.materials:
         digest.update(repr((m.base_color, m.alpha_cutoff, m.double_sided, m.unlit)).encode())
         if m.texture is not None:
             digest.update(repr(m.texture.pixels.shape).encode())
-            digest.update(np.ascontiguousarray(m.texture.pixels).data.cast("B"))
+            digest.update(np.ascontiguousarray(m.texture.pixels).reshape(-1))
     return digest.hexdigest()

@@ -6,10 +6,10 @@ from farfield.bake.cell import Tiles
 from farfield.bake.context import BakeContext
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
-from farfield.represent.orthoview.connectivity import connect
+from farfield.represent.orthoview.connectivity import mark_connected
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import encode_object_tile
-from farfield.represent.orthoview.quality import PRESETS
+from farfield.represent.orthoview.quality import QUALITIES
 from farfield.represent.orthoview.tile import encode_tile
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
@@ -18,7 +18,7 @@ class CellTiles:
     """The tiles of a cell while it is baked."""
 
     def __init__(self, context: BakeContext, key: CellKey) -> None:
-        self._quality = PRESETS[context.job.options.quality]
+        self._quality = QUALITIES[context.job.options.quality]
         self._object_ids = context.job.options.object_ids
         self._key = key
         self.encoded: Tiles = {}
@@ -28,9 +28,9 @@ class CellTiles:
     def add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
         """Connects and encodes the layers of one view; object ids of the first layer only."""
         for index, layer in enumerate(layers):
-            connected = connect(layer)
+            mark_connected(layer)
             place = direction.number, index
-            self.encoded[place] = encode_tile(connected, direction.number, index, self._key.level, self._quality)
+            self.encoded[place] = encode_tile(layer, direction.number, index, self._key.level, self._quality)
             if index == 0 and self._object_ids and layer.objects is not None:
                 self.objects[place] = encode_object_tile(layer, direction.number, index, self._key.level)
 

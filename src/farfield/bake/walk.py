@@ -7,6 +7,7 @@ once; none is read back but those an earlier, interrupted bake had finished.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from farfield.bake.cell import BakedCell, Record, read_record, write_record
 from farfield.bake.context import BakeContext
@@ -14,11 +15,10 @@ from farfield.bake.leaf import bake_leaf
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
-from farfield.represent.orthoview.object_tile import with_objects
+from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.parent import composite
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.represent.orthoview.view_table import choose_views
-from farfield.store.contract import Store
 from farfield.world.index import Bounds, CellEntry
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
@@ -79,7 +79,7 @@ def _decoded(context: BakeContext, cell: BakedCell, direction: int) -> list[Orth
             layer = decode_tile(encoded[direction, index], where).layer
             if (direction, index) in objects:
                 where = objects_key(cell.key, direction, index, cell.record.entry.hash)
-                layer = with_objects(layer, objects[direction, index], where)
+                layer = replace(layer, objects=decode_object_tile(objects[direction, index], layer, where))
             layers.append(layer)
     return layers
 
