@@ -3,6 +3,14 @@
 The paper keeps the nearest depth and averages colour; here depth, normal and coverage are averaged too over the
 surfaces near the nearest one, which is worth 1.8 dB at the first parent, and coverage keeps a canopy from closing.
 Weights and depths are integers, so the bytes do not depend on the machine.
+
+With two layers nothing is dropped: what is not near the nearest surface is divided at the largest gap in depth. Taking
+the two nearest clusters instead lost a third of a canopy 64 pitches deep at the first parent, and all of the ground
+below it by the third (blended, seen 11 and 31 degrees off the axis: 15 dB against 24 to 35); for a city, an oak and a
+statue the two rules are mostly within 0.5 dB, the gap ahead by 0.1 on average.
+
+Coverage is cut to sixteenths with an ordered dither on the lattice (Bayer 1973). Rounding half up turned 30 % into 32 %
+and 5 % into 8 % after four levels, half to even 30 % into 26 %; dithered, 30 stays 29.5 and 5 stays 4.8.
 """
 
 from __future__ import annotations
@@ -55,6 +63,7 @@ _U16 = types.Array(types.uint16, 2, "C", readonly=True)
 _U32 = types.Array(types.uint32, 2, "C", readonly=True)
 _F32 = types.Array(types.float32, 1, "C", readonly=True)
 _F32x2 = types.Array(types.float32, 2, "C", readonly=True)
+_THRESHOLDS = types.Array(types.int64, 2, "C", readonly=True)
 _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 _CANDIDATES = from_dtype(CANDIDATE)[:, :, ::1]
 _COUNTS = types.int32[:, ::1]
@@ -185,19 +194,43 @@ def _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, 
     else:
         out.normal0 = 32
         out.normal1 = 32
-    out.coverage = max((total + 32) >> 6, 1)
+
+
+@njit(inline="always")
+def _divide(candidates, j, i, keys, n, separation, layers):  # type: ignore[no-untyped-def]
+    """How many of the n sorted candidates belong to the first surface.
+
+    All when they are near together. With one layer, those near the nearest. With two, those before the largest gap.
+    """
+    limit = (keys[0] >> 16) + separation
+    if (keys[n - 1] >> 16) <= limit:
+        return n
+    last = 1
+    if layers == 1:
+        while (keys[last] >> 16) <= limit:
+            last += 1
+        return last
+    widest = (keys[1] >> 16) - (keys[0] >> 16)
+    for k in range(2, n):
+        gap = (keys[k] >> 16) - (keys[k - 1] >> 16)
+        if gap > widest:
+            widest = gap
+            last = k
+    return last
 
 
 @njit(
-    types.void(_CANDIDATES, _COUNTS, types.int64, _F32x2, _F32, _BYTES, from_dtype(SURFACE)[:, :, ::1]),
+    types.void(_CANDIDATES, _COUNTS, types.int64, _THRESHOLDS, _F32x2, _F32, _BYTES, from_dtype(SURFACE)[:, :, ::1]),
     cache=True, nogil=True, boundscheck=False,
 )  # fmt: skip
-def resolve(candidates, counts, separation, vectors, linear, bytes_of, surfaces):  # type: ignore[no-untyped-def]
-    """The one or two nearest clusters of every parent pixel, averaged.
+def resolve(candidates, counts, separation, thresholds, vectors, linear, bytes_of, surfaces):  # type: ignore[no-untyped-def]
+    """The one or two surfaces of every parent pixel, averaged.
 
-    candidates, counts: as gather left them. separation: child depth steps that a cluster spans at most.
+    candidates, counts: as gather left them. separation: child depth steps within which all is one surface.
+    thresholds: (8, 8) int64, what to add to a coverage in 1/1024 before it is cut to sixteenths, by row and column
+    modulo 8 counted from the first of the band.
     vectors: (4096, 3) float32, normals.DECODED; linear: (256,) float32, bytes_of: (4096,) uint8, tables of color.
-    surfaces: (rows, columns, layers) SURFACE, coverage all 0, written where something is.
+    surfaces: (rows, columns, layers) SURFACE, coverage all 0, written where something is, the nearest first.
     """
     layers = surfaces.shape[2]
     keys = np.empty(candidates.shape[2], np.int64)
@@ -208,17 +241,17 @@ def resolve(candidates, counts, separation, vectors, linear, bytes_of, surfaces)
             if n == 0:
                 continue
             _order(candidates, j, i, n, keys)
-            first = 0
-            for layer in range(layers):
-                if first == n:
-                    break
-                limit = (keys[first] >> 16) + separation
-                last = first + 1
-                while last < n and (keys[last] >> 16) <= limit:
-                    last += 1
+            split = _divide(candidates, j, i, keys, n, separation, layers)
+            made = 0
+            for part in range(layers):
+                first = split if part else 0
+                last = n if part else split
+                if first == last:
+                    continue
                 total = _weigh(candidates, j, i, keys, first, last, weights)
-                _mean(
-                    candidates, j, i, keys, first, last, weights, total, vectors, linear, bytes_of,
-                    surfaces[j, i, layer],
-                )  # fmt: skip
-                first = last
+                coverage = (total + thresholds[j & 7, i & 7]) >> 6
+                if coverage > 0:
+                    out = surfaces[j, i, made]
+                    out.coverage = coverage
+                    _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, bytes_of, out)
+                    made += 1

@@ -16,6 +16,10 @@ from farfield.represent.orthoview.tile import UNLIT_BIT
 
 SEPARATION_STEPS = SEPARATION * 2 * DEPTH_STEPS_PER_PIXEL
 """Child depth steps in SEPARATION parent pitches."""
+BAYER = np.array([[0]])
+for _ in range(3):
+    BAYER = np.block([[4 * BAYER, 4 * BAYER + 2], [4 * BAYER + 3, 4 * BAYER + 1]])
+"""(8, 8) int64, 0..63: thresholds of the ordered dither, by row and column modulo 8."""
 BAND_BYTES = 8 << 20
 """Candidates are gathered for a band of parent rows at a time, so that they stay in the cache and memory stays flat."""
 
@@ -35,9 +39,11 @@ def composite(children: Sequence[Sequence[OrthoLayer]], layers: int) -> list[Ort
 
     children: for each child cell, in ascending order of keys, its decoded layers of one direction, the nearer first,
     all on the lattice of the child level. Parent pixel (i, j) covers child pixels (2i..2i+1, 2j..2j+1), and the
-    parent's depth step is twice the child's. A parent pixel's first surface is the mean of all child pixels within
-    SEPARATION parent pitches of the nearest one, its second likewise from the nearest one behind. Object ids are kept
-    when any child has them. Raises ValueError when depths span more than 16 bits.
+    parent's depth step is twice the child's. When all child pixels of a parent pixel lie within SEPARATION parent
+    pitches, they become one surface. Otherwise two layers divide them at the largest gap in depth; a single layer
+    keeps those within SEPARATION of the nearest. Coverage is dithered, so that a surface of less than a sixteenth is
+    left out here and there, and a view of nothing else may come out empty. Object ids are kept when any child has
+    them. Raises ValueError when depths span more than 16 bits.
     """
     sources = [(cell, index, layer) for cell, stack in enumerate(children) for index, layer in enumerate(stack)]
     if not sources:
@@ -55,8 +61,8 @@ def composite(children: Sequence[Sequence[OrthoLayer]], layers: int) -> list[Ort
         for cell, index, layer in sources:
             _gather(band, cell, index, layer)
         kernel.resolve(
-            band.candidates, band.counts, SEPARATION_STEPS, DECODED, LINEAR_OF_BYTE, BYTE_OF_LINEAR,
-            surfaces[top : top + step],
+            band.candidates, band.counts, SEPARATION_STEPS, np.roll(BAYER, (-band.y % 8, -band.x % 8), (0, 1)),
+            DECODED, LINEAR_OF_BYTE, BYTE_OF_LINEAR, surfaces[top : top + step],
         )  # fmt: skip
     keeps_objects = any(layer.objects is not None for _, _, layer in sources)
     made = (_cropped(surfaces[..., n], x, y, keeps_objects) for n in range(layers))
