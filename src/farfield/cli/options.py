@@ -20,6 +20,10 @@ PortOption = Annotated[
     int | None, typer.Option("--port", min=0, max=65535, help="Port; default: the first free one from 8000.")
 ]
 
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in the browser.")]
+
+OpenedOption = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
+
 BandwidthOption = Annotated[
     float | None, typer.Option("--bandwidth", metavar="B", help="Send at most B bytes a second, to try a slow link.")
 ]

@@ -1,0 +1,59 @@
+"""What `serve`, `view` and `demo` have in common: serving a world and saying where."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from farfield import __version__
+from farfield.cli.output import report
+
+
+@dataclass(frozen=True, slots=True)
+class ServeRequest:
+    """What the user asked for; the options are those of `farfield serve`."""
+
+    host: str
+    port: int | None
+    bandwidth: float | None
+    open_browser: bool
+    as_json: bool
+
+
+def serve_world(place: Path, request: ServeRequest) -> None:
+    """Serve the world at `place` until interrupted; says the URL on stdout. Raises FarfieldError."""
+    from farfield.serve.run import ServeOptions, serve
+    from farfield.store import open_store
+    from farfield.world.world import World
+
+    store = open_store(place)
+    World.open(store)
+    options = ServeOptions(request.host, request.port, request.bandwidth, request.open_browser)
+
+    def announce(url: str) -> None:
+        report({"url": url}, as_json=request.as_json, text=f"{place} is at {url} (Ctrl-C ends it)")
+
+    serve(store, options, announce)
+    if not request.as_json:
+        typer.echo("", err=True)
+
+
+def cache_folder() -> Path:
+    """Where worlds are kept that nobody gave a place: `worlds` in farfield's folder of the user's cache."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "farfield" / "worlds"
+
+
+def is_world_of_this_version(place: Path) -> bool:
+    """Whether there is a finished world at `place` that this version of farfield baked."""
+    from farfield.errors import FarfieldError
+    from farfield.store import open_store
+    from farfield.world.world import World
+
+    try:
+        return World.open(open_store(place)).manifest.generator == f"farfield {__version__}"
+    except FarfieldError:
+        return False

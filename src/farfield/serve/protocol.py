@@ -1,0 +1,41 @@
+"""uvicorn's HTTP/1.1, with a watch on every connection: clients that stall are let go."""
+
+from __future__ import annotations
+
+import asyncio
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+STALL_SECONDS = 30.0
+"""Without a whole request, or without taking any of the answer, for so long: the connection is cut.
+
+uvicorn itself limits only the pause between two requests; a client that sends a header byte by byte, or asks for a
+mesh and never reads it, would hold its connection for ever.
+"""
+
+
+class WatchedProtocol(H11Protocol):
+    """One connection. Requests that are being worked on, with nothing waiting to be sent, are left alone."""
+
+    stall_seconds = STALL_SECONDS
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """See asyncio.Protocol."""
+        super().connection_made(transport)
+        self._seen: object = None
+        self._seen_at = self.loop.time()
+        self._watch()
+
+    def _watch(self) -> None:
+        if self.transport.is_closing():
+            return
+        busy = self.cycle is not None and not self.cycle.response_complete
+        waiting = self.transport.get_write_buffer_size()
+        seen = (self.cycle, busy, waiting)
+        now = self.loop.time()
+        if seen != self._seen or (busy and not waiting):
+            self._seen, self._seen_at = seen, now
+        elif now - self._seen_at >= self.stall_seconds:
+            self.transport.abort()
+            return
+        self.loop.call_later(self.stall_seconds / 6, self._watch)

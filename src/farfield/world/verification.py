@@ -1,0 +1,174 @@
+"""Checks every value of a world against the hash in its name, and the index against what is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from farfield.errors import CorruptTileError, MissingKeyError, StoreError
+from farfield.octree.grid import CellKey
+from farfield.progress import NoProgress, Progress
+from farfield.represent.orthoview.object_tile import decode_object_tile
+from farfield.represent.orthoview.tile import decode_tile
+from farfield.store.contract import Store
+from farfield.world import keys
+from farfield.world.index import CellEntry, GeometryEntry, decode_index
+from farfield.world.world import World
+
+
+class Fault(NamedTuple):
+    """Something that is not as it should be."""
+
+    key: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What was found."""
+
+    cells: int
+    tiles: int
+    """Values checked: orthoview layers, object ids, index tiles, geometry, meshes, textures, attributes."""
+    bytes: int
+    """Of all of them."""
+    faults: tuple[Fault, ...]
+    """In the order of the index."""
+
+
+class _Report(NamedTuple):
+    """What the check of one part found."""
+
+    tiles: int = 0
+    bytes: int = 0
+    faults: tuple[Fault, ...] = ()
+    textures: tuple[str, ...] = ()
+    """Hashes of the images that the part refers to."""
+
+
+def verify_world(world: World, progress: Progress | None = None) -> Verification:
+    """Read everything the index of `world` names. Faults are collected, none ends the check.
+
+    A cell whose tiles have the hash in their name is not decoded: 17 directions take some milliseconds to hash and
+    half a second to decode. Only where the hash is another are its tiles decoded, to name the one at fault.
+    """
+    progress = progress or NoProgress()
+    store = world.store
+    index_report, entries = _read_index(world)
+    reports = [index_report]
+    progress.start(len(entries), "cells")
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for report in pool.map(lambda entry: _check_cell(store, entry), entries):
+            reports.append(report)
+            progress.advance()
+        leaves = [entry.geometry for entry in entries if entry.geometry]
+        reports += pool.map(lambda key: _check_hashed(store, key), _meshes_of(leaves))
+        textures = dict.fromkeys(name for report in reports for name in report.textures)
+        others = [keys.texture_key(name) for name in textures]
+        if world.manifest.attributes:
+            others.append(f"attributes/{world.manifest.attributes}")
+        reports += pool.map(lambda key: _check_hashed(store, key), others)
+    progress.finish()
+    faults = tuple(dict.fromkeys(fault for report in reports for fault in report.faults))
+    return Verification(len(entries), sum(r.tiles for r in reports), sum(r.bytes for r in reports), faults)
+
+
+def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
+    """Every cell that the index lists, once, and how the index itself is."""
+    reports: list[_Report] = []
+    entries: list[CellEntry] = []
+    pending = [(CellKey.parse(root.key), root.hash) for root in world.manifest.roots]
+    while pending:
+        cell, name = pending.pop()
+        key = keys.index_key(cell, name)
+        report = _check_hashed(world.store, key)
+        reports.append(report)
+        if report.faults:
+            continue
+        for entry in decode_index(world.store.get(key), key).cells:
+            # A cell with an index tile of its own stands there again, as its first.
+            if entry.index:
+                pending.append((entry.cell, entry.index))
+            else:
+                entries.append(entry)
+    return _sum(reports), entries
+
+
+def _check_cell(store: Store, entry: CellEntry) -> _Report:
+    parts = [_check_tiles(store, entry)] if entry.tiles else []
+    if entry.geometry:
+        key = keys.geometry_key(entry.cell, entry.geometry.hash)
+        parts.append(_check_hashed(store, key, entry.geometry.bytes))
+    return _sum(parts)
+
+
+def _check_tiles(store: Store, entry: CellEntry) -> _Report:
+    """The orthoview tiles of a cell and their object ids, which together make its hash."""
+    tiles = [keys.orthoview_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in entry.tiles]
+    objects = [keys.objects_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in entry.tiles]
+    try:
+        found = [store.get(key) for key in tiles]
+        ids = [store.get(key) for key in objects if store.exists(key)]
+    except StoreError:
+        found = ids = []
+    if found and keys.content_hash(*found, *ids) == entry.hash:
+        return _Report(len(found) + len(ids), sum(map(len, found)) + sum(map(len, ids)))
+    faults = list(_tile_faults(store, tiles, objects))
+    if not faults:
+        where = f"orthoview/{entry.cell}"
+        faults = [Fault(where, f"tiles are whole, but not those with the hash {entry.hash}")]
+    return _Report(len(tiles), sum(map(len, found)), tuple(faults))
+
+
+def _tile_faults(store: Store, tiles: Iterable[str], objects: Iterable[str]) -> Iterator[Fault]:
+    for tile_key, objects_key in zip(tiles, objects, strict=True):
+        try:
+            tile = decode_tile(store.get(tile_key), tile_key)
+        except (CorruptTileError, StoreError) as error:
+            yield Fault(tile_key, error.what)
+            continue
+        try:
+            decode_object_tile(store.get(objects_key), tile.layer, objects_key)
+        except MissingKeyError:
+            continue
+        except (CorruptTileError, StoreError) as error:
+            yield Fault(objects_key, error.what)
+
+
+def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:
+    """A value whose own hash ends its name."""
+    try:
+        data = store.get(key)
+    except StoreError as error:
+        return _Report(1, 0, (Fault(key, error.what),))
+    if length is not None and len(data) != length:
+        return _Report(1, len(data), (Fault(key, f"has {len(data)} bytes, the index says {length}"),))
+    if keys.content_hash(data) != key[-16:]:
+        return _Report(1, len(data), (Fault(key, "is altered: its hash is another"),))
+    return _Report(1, len(data), (), tuple(_textures_of(data)))
+
+
+def _textures_of(data: bytes) -> Iterator[str]:
+    """Hashes of the images that a GLB, known to be unaltered, refers to; none for anything else."""
+    if data[:4] == b"glTF":
+        (length,) = struct.unpack_from("<I", data, 12)
+        for image in json.loads(data[20 : 20 + length]).get("images", ()):
+            yield image["uri"].rpartition("/")[2]
+
+
+def _meshes_of(leaves: Iterable[GeometryEntry]) -> list[str]:
+    return [keys.mesh_key(name) for name in dict.fromkeys(name for leaf in leaves for name, _ in leaf.meshes)]
+
+
+def _sum(parts: list[_Report]) -> _Report:
+    return _Report(
+        sum(part.tiles for part in parts),
+        sum(part.bytes for part in parts),
+        tuple(fault for part in parts for fault in part.faults),
+        tuple(name for part in parts for name in part.textures),
+    )
