@@ -26,13 +26,15 @@ class GroundPattern:
     """The same from pixel to pixel."""
     hue: float
     """Deviation of red against green, as a fraction: dry and lush spots."""
+    slabs: int = 0
+    """Slabs along the texture's side, each of a lightness of its own, with dark joints; 0: none."""
 
 
 PATTERNS = {
     "plain": GroundPattern((128, 128, 124), 0.0, 0.0, 0.0),
-    "grass": GroundPattern((84, 104, 52), 0.13, 0.12, 0.08),
+    "grass": GroundPattern((84, 104, 52), 0.13, 0.12, 0.05),
     "asphalt": GroundPattern((98, 98, 100), 0.05, 0.06, 0.005),
-    "paving": GroundPattern((148, 144, 136), 0.05, 0.05, 0.01),
+    "paving": GroundPattern((148, 144, 136), 0.03, 0.03, 0.01, 16),
     "earth": GroundPattern((124, 104, 78), 0.10, 0.10, 0.03),
 }
 
@@ -76,12 +78,22 @@ def ground_texture(pattern: str, color: tuple[int, int, int] | None = None) -> T
     base = np.array(color or look.color, np.float64)
     if not look.coarse and not look.fine:
         return _opaque(np.tile(base, (4, 4, 1)))
-    coarse = tiling_noise(TEXTURE_SIZE, 1.3, 3, seed=1)
+    coarse = tiling_noise(TEXTURE_SIZE, 1.3, 4, seed=1)
     fine = tiling_noise(TEXTURE_SIZE, 0.4, 24, seed=2)
     hue = tiling_noise(TEXTURE_SIZE, 1.1, 4, seed=3)
     lightness = np.clip(1 + look.coarse * coarse + look.fine * fine, 0.4, 1.6)
+    if look.slabs:
+        lightness *= _slabs(look.slabs)
     tint = np.stack([1 + look.hue * hue, np.ones_like(hue), 1 - 0.5 * look.hue * hue], -1)
     return _opaque(base * lightness[..., None] * tint)
+
+
+def _slabs(count: int) -> NDArray[np.float64]:
+    """(size, size) lightness of square slabs; joints are 3 % of a slab wide."""
+    side = TEXTURE_SIZE // count
+    joint = np.arange(TEXTURE_SIZE) % side < 0.03 * side
+    own = 1 + 0.05 * np.random.default_rng(4).standard_normal((count, count))
+    return np.where(joint[:, None] | joint[None], 0.72, np.kron(own, np.ones((side, side))))
 
 
 def _opaque(rgb: NDArray[np.float64]) -> Texture:
