@@ -1,0 +1,115 @@
+"""The splatting kernel against its plain twin, and what it must do by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from farfield.geometry.cameras import Camera
+from farfield.geometry.directions import TOP, parse, principal
+from farfield.octree.grid import Grid
+from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.view.frame import Frame
+from farfield.view.shading import Light, lambert
+from view.plain_splat import PlainFrame, splat
+
+GRID = Grid(16.0, 32, (1000.0, -2000.0, 10.0), (4, 4, 1))
+DIRECTIONS = parse("26")
+
+
+def random_layer(seed: int, number: int) -> OrthoLayer:
+    """A layer about the middle of cell 0/0/0/0: every kind of pixel, some of them empty."""
+    r = np.random.default_rng(seed)
+    shape = 24, 20
+    middle = DIRECTIONS[number].axes @ np.array([8.0, 8.0, 8.0]) / GRID.pitch(0)
+    depth = np.where(r.random(shape) < 0.8, r.integers(1, 200, shape), 0)
+    codes = np.clip(r.normal(32, 12, (*shape, 2)), 0, 63)
+    return OrthoLayer(
+        x=int(middle[0]) - 10,
+        y=int(middle[1]) - 12,
+        depth_base=int(middle[2] * 8) - 100,
+        depth=depth.astype(np.uint16),
+        color=r.integers(0, 256, (*shape, 3)).astype(np.uint8),
+        normal=codes.astype(np.uint8),
+        length=r.integers(1, 9, shape).astype(np.uint8),
+        coverage=r.integers(1, 17, shape).astype(np.uint8),
+        connected=r.integers(0, 4, shape).astype(np.uint8),
+        objects=r.integers(1, 1 << 31, shape).astype(np.uint32),
+    )
+
+
+def camera_towards(number: int, away: float, off: float = 0.3) -> Camera:
+    """Looks at the middle of the cell from about the direction of that number."""
+    middle = np.array(GRID.corner) + 8
+    eye = middle + away * (np.array(DIRECTIONS[number].vector) + np.array([off, 0.1, -off]))
+    return Camera(tuple(eye), tuple(middle), 40.0)
+
+
+@pytest.mark.parametrize("number", [0, 4, 13, 21, 25])
+@pytest.mark.parametrize("away", [12.0, 30.0, 150.0])
+@pytest.mark.parametrize("clipped", [False, True])
+def test_equals_plain_twin(number: int, away: float, clipped: bool) -> None:
+    layer, size = random_layer(number, number), (160, 120)
+    camera = camera_towards(number, away)
+    box = np.array([GRID.corner, np.array(GRID.corner) + np.array([8.0, 16.0, 9.5])]) if clipped else None
+    frame, plain = Frame.empty(camera, size, 1, objects=True), PlainFrame(camera, size)
+    frame.splat(layer, DIRECTIONS[number], GRID, 0, Light(), box)
+    splat(plain, layer, DIRECTIONS[number], GRID, 0, box)
+    assert np.isfinite(plain.depth).sum() > 10
+    objects = np.zeros(size[::-1], np.uint32)
+    for at, pixel in plain.pixel.items():
+        objects[at] = layer.objects[pixel]
+    # Single precision decides differently where a sample lies on the rim of a splat.
+    same = objects == frame.objects
+    assert (~same).sum() <= 1 + 0.005 * np.isfinite(plain.depth).sum()
+    seen = same & np.isfinite(plain.depth)
+    assert np.allclose(frame.depth[seen], plain.depth[seen], rtol=1e-5)
+
+
+def test_surface_holds_albedo_light_and_normal() -> None:
+    layer = random_layer(3, 25)
+    camera, light = camera_towards(25, 12.0), Light(azimuth=80.0, elevation=50.0)
+    frame, plain = Frame.empty(camera, (160, 120), 1, normals=True), PlainFrame(camera, (160, 120))
+    frame.splat(layer, DIRECTIONS[25], GRID, 0, light)
+    splat(plain, layer, DIRECTIONS[25], GRID, 0)
+    wrong = 0
+    for (y, x), at in plain.pixel.items():
+        surface = frame.surface[y, x]
+        packed = np.array([surface & 255, surface >> 8 & 255, surface >> 16 & 255])
+        wrong += not np.array_equal(packed, layer.color[at])
+        if layer.connected[at] & 2:
+            assert surface >> 24 == 255 or wrong
+        elif np.array_equal(packed, layer.color[at]):
+            n = np.array([frame.normal[y, x] >> s & 1023 for s in (0, 10, 20)]) / 511.0 - 1
+            mean = n / np.linalg.norm(n) * layer.length[at] / 8
+            assert abs((surface >> 24) / 254 - lambert(mean, light)) < 0.006
+    assert wrong <= 0.005 * len(plain.pixel) + 1
+
+
+def test_thin_splats_keep_their_share() -> None:
+    """A loosely filled square seen from so far that each splat is smaller than a sample."""
+    shape = 512, 512
+    full = np.full(shape, 8, np.uint8)
+    layer = OrthoLayer(
+        0, 0, 0, np.full(shape, 8, np.uint16), np.full((*shape, 3), 128, np.uint8), np.full((*shape, 2), 32, np.uint8),
+        full, np.full(shape, 2, np.uint8), np.zeros(shape, np.uint8),
+    )  # fmt: skip
+    grid = Grid(512.0, 512, (0.0, 0.0, 0.0), (0, 0, 0))
+    camera = Camera((256.0, -256.0, 5000.0), (256.0, -256.0, 0.0), 6.0)
+    frame = Frame.empty(camera, (1024, 1024), 1)
+    frame.splat(layer, principal(TOP), grid, 0, Light())
+    pitch = camera.focal((1024, 1024)) / 5000
+    # Each of the 512 x 512 splats shall cover pi/2 * 1/8 of a pixel; some fall on the same sample.
+    expected = 1 - np.exp(-np.pi / 2 / 8)
+    seen = np.isfinite(frame.depth).sum() / (512 * 512 * pitch * pitch)
+    assert seen == pytest.approx(expected, abs=0.02)
+
+
+def test_nothing_behind_the_eye() -> None:
+    """From within the content: what lies behind is left out, what lies before is drawn in front of the eye."""
+    camera = Camera((1008.0, -1992.0, 18.0), (1100.0, -1992.0, 18.0), 60.0)
+    frame, plain = Frame.empty(camera, (64, 64), 1), PlainFrame(camera, (64, 64))
+    drawn = frame.splat(random_layer(1, 0), DIRECTIONS[0], GRID, 0, Light())
+    splat(plain, random_layer(1, 0), DIRECTIONS[0], GRID, 0)
+    assert 0 < drawn < random_layer(1, 0).valid.sum()
+    assert np.isfinite(frame.depth).sum() == pytest.approx(np.isfinite(plain.depth).sum(), abs=20)
