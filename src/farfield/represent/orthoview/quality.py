@@ -16,15 +16,16 @@ class Quality:
     webp_quality: int
     """0..100, of the lossy colour."""
     webp_method: int
-    """0 (fast) .. 6 (small), effort of the colour's encoder."""
+    """0 (fast) .. 6 (small). Per 512 x 512: 0: 7 ms, 1: 8 ms, 2: 11 ms, 3 and 4: 23 ms. At equal PSNR 0 is 4-9 % larger
+    than 2, 1 is 3 % larger, 3 is 2-4 % smaller; colour is a fifth of a tile."""
     normal_bits: int
-    """Bits that vary of each normal coordinate, 5 or 6; codes stay 0..63."""
+    """5 or 6; with 5, odd codes move to the even one nearer the middle: 2.5 instead of 1 degree, 6 % less bytes."""
 
 
 QUALITIES: dict[str, Quality] = {
-    "compact": Quality("compact", webp_quality=75, webp_method=2, normal_bits=5),
-    "normal": Quality("normal", webp_quality=85, webp_method=2, normal_bits=6),
-    "high": Quality("high", webp_quality=93, webp_method=2, normal_bits=6),
+    "compact": Quality("compact", webp_quality=75, webp_method=1, normal_bits=5),
+    "normal": Quality("normal", webp_quality=85, webp_method=1, normal_bits=6),
+    "high": Quality("high", webp_quality=93, webp_method=1, normal_bits=6),
 }
 """Presets by name."""
 DEFAULT = QUALITIES["normal"]

@@ -63,7 +63,9 @@ def encode_tile(layer: OrthoLayer, direction: int, index: int, level: int, prese
 def _depth_plane(layer: OrthoLayer, valid: NDArray[np.bool_], count: int) -> Plane:
     residuals = np.empty((2, count), np.uint8)
     predict.depth_residuals(np.ascontiguousarray(layer.depth), residuals[0], residuals[1])
-    return container.deflated(DEPTH, np.packbits(valid).tobytes() + residuals.tobytes())
+    changes = valid.copy()
+    changes[1:] ^= valid[:-1]
+    return container.deflated(DEPTH, np.packbits(changes).tobytes() + residuals.tobytes())
 
 
 def _coverage_codes(layer: OrthoLayer, valid: NDArray[np.bool_]) -> NDArray[np.uint8]:
@@ -83,7 +85,7 @@ def _normal_plane(layer: OrthoLayer, count: int, preset: Quality) -> Plane:
     if codes.max() > 63:
         raise ValueError("a normal code is beyond 63")
     if preset.normal_bits < 6:
-        codes = codes & np.uint8(62)
+        codes = (codes + (codes < 32)) & np.uint8(62)
     residuals = np.empty((2, count), np.uint8)
     predict.normal_residuals(np.ascontiguousarray(layer.depth), codes, residuals[0], residuals[1])
     return container.deflated(NORMAL, residuals.tobytes())
@@ -115,9 +117,9 @@ def _decode_depth(header: TileHeader, planes: Mapping[int, Plane], where: str) -
         container.inflated(planes, DEPTH, "depth", mask_bytes + 2 * valid, where), dtype=np.uint8
     )
     bits = np.unpackbits(content[:mask_bytes])
-    if bits[pixels:].any() or int(np.count_nonzero(bits)) != valid:
+    mask = np.bitwise_xor.accumulate(bits[:pixels].reshape(header.height, header.width), axis=0)
+    if bits[pixels:].any() or int(np.count_nonzero(mask)) != valid:
         raise CorruptTileError(f"the mask does not mark the {valid} valid pixels of the header", where)
-    mask = bits[:pixels].reshape(header.height, header.width)
     depth = np.zeros(mask.shape, np.uint16)
     if predict.restore_depth(mask, content[mask_bytes : mask_bytes + valid], content[mask_bytes + valid :], depth):
         raise CorruptTileError("a valid pixel has depth 0", where)
