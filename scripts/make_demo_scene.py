@@ -42,11 +42,11 @@ TREES = {"aspen_medium": (0.74, 180), "oak_medium": (0.70, 80)}
 STONE = (178, 170, 156)
 BRONZE = (112, 122, 104)
 
-SCENE = """# Central Tokyo round Tokyo Station, with statues and trees that are not there. LICENSES/CREDITS.md: who made what.
+SCENE = """# Tokyo Station and Marunouchi, with statues and trees that are not there. LICENSES/CREDITS.md says who made what.
 crs = "EPSG:6677"
 origin = [{x}, {y}, 0.0]
 credits = [
-    "Buildings: indigo-lab/plateau-lod2-mvt (github.com/indigo-lab/plateau-lod2-mvt), Project PLATEAU, MLIT Japan; CC BY 4.0",
+    "Buildings: github.com/indigo-lab/plateau-lod2-mvt, from Project PLATEAU (MLIT Japan); CC BY 4.0",
     "Statues: Three D Scans (threedscans.com)",
     "Trees: ez-tree by Daniel Greenheck (MIT); bark by Poly Haven and texturecan.com (CC0)",
 ]
