@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from farfield.scene.gltf import read_gltf
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
-from convert_tokyo import read_archive, write_flatgeobuf  # noqa: E402
+from convert_tokyo import read_archive, write_flatgeobuf
 
 MIDDLE = (-2000.0, -1500.0)
 """Metres from the archive's origin: the middle of EPSG:6677 E -13500..-2500, N -41500..-31500."""

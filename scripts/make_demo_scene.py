@@ -42,7 +42,7 @@ TREES = {"aspen_medium": (0.74, 180), "oak_medium": (0.70, 80)}
 STONE = (178, 170, 156)
 BRONZE = (112, 122, 104)
 
-SCENE = """# Tokyo Station and Marunouchi, with statues and trees that are not there. LICENSES/CREDITS.md says who made what.
+SCENE = """# Tokyo Station, with statues and trees that are not there. LICENSES/CREDITS.md says who made what.
 crs = "EPSG:6677"
 origin = [{x}, {y}, 0.0]
 credits = [
