@@ -15,13 +15,13 @@ INDEX = "index/3/-1/0/0-2222222222222222"
 
 
 def frames(body: bytes) -> list[bytes | int]:
-    """Values in order, or the number that stands in place of a length."""
+    """Values in order, or MISSING."""
     found: list[bytes | int] = []
     at = 0
     while at < len(body):
         (length,) = struct.unpack_from("<I", body, at)
         at += 4
-        if length >= batch.POSTPONED:
+        if length == batch.MISSING:
             found.append(length)
         else:
             assert at + length <= len(body)
@@ -57,11 +57,13 @@ def test_private_and_impossible_keys_are_missing(client: TestClient) -> None:
     assert frames(client.post("/batch", json=keys).content) == [batch.MISSING] * len(keys)
 
 
-def test_what_does_not_fit_is_postponed(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(batch, "MAX_BYTES", 5000)
-    answer = frames(client.post("/batch", json=[TILE, BIG, TILE, INDEX]).content)
-    assert answer == [VALUES[TILE], batch.POSTPONED, batch.POSTPONED, VALUES[INDEX]]
-    assert frames(client.post("/batch", json=[BIG, INDEX]).content) == [VALUES[BIG], batch.POSTPONED]
+def test_the_size_of_an_answer_is_limited(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(batch, "MAX_BYTES", 6000)
+    assert client.post("/batch", json=[TILE, TILE]).status_code == 200
+    refused = client.post("/batch", json=[TILE, TILE, TILE])
+    assert refused.status_code == 413
+    assert "7680 bytes" in refused.text
+    assert frames(client.post("/batch", json=[BIG]).content) == [VALUES[BIG]]
 
 
 def test_head(client: TestClient) -> None:

@@ -27,10 +27,11 @@ def serve_world(place: Path, request: ServeRequest) -> None:
     """Serve the world at `place` until interrupted; says the URL on stdout. Raises FarfieldError."""
     from farfield.serve.run import ServeOptions, serve
     from farfield.store import open_store
-    from farfield.world.world import World
+    from farfield.world.manifest import read_manifest
 
     store = open_store(place)
-    World.open(store)
+    # Only the manifest: whatever reads tiles loads the kernels, 2 s that a server has no need of.
+    read_manifest(store)
     options = ServeOptions(request.host, request.port, request.bandwidth, request.open_browser)
 
     def announce(url: str) -> None:
@@ -51,9 +52,9 @@ def is_world_of_this_version(place: Path) -> bool:
     """Whether there is a finished world at `place` that this version of farfield baked."""
     from farfield.errors import FarfieldError
     from farfield.store import open_store
-    from farfield.world.world import World
+    from farfield.world.manifest import read_manifest
 
     try:
-        return World.open(open_store(place)).manifest.generator == f"farfield {__version__}"
+        return read_manifest(open_store(place)).generator == f"farfield {__version__}"
     except FarfieldError:
         return False

@@ -24,7 +24,7 @@ MAX_KEYS = 128
 """Keys in one request."""
 
 MAX_BYTES = 32 << 20
-"""Bytes of values in one answer. The first value is sent whatever its size."""
+"""Bytes of values in one answer, unless it is a single value. The index tells a reader how large each is."""
 
 MAX_BODY = 96 * 1024
 """Bytes of the JSON list in a POST: MAX_KEYS of the longest keys fit."""
@@ -35,9 +35,6 @@ BODY_SECONDS = 15.0
 MISSING = 0xFFFFFFFF
 """In place of a length: nothing is stored there."""
 
-POSTPONED = 0xFFFFFFFE
-"""In place of a length: the answer would grow too large, ask again."""
-
 _LENGTH = struct.Struct("<I")
 
 _log = logging.getLogger("farfield.serve")
@@ -47,11 +44,11 @@ _log = logging.getLogger("farfield.serve")
 class _Part:
     key: str
     length: int
-    """Bytes, or MISSING or POSTPONED."""
+    """Bytes, or MISSING."""
 
     @property
     def bytes_sent(self) -> int:
-        return 0 if self.length in (MISSING, POSTPONED) else self.length
+        return 0 if self.length == MISSING else self.length
 
 
 async def batch_response(store: Store, request: Request) -> Response:
@@ -64,13 +61,14 @@ async def batch_response(store: Store, request: Request) -> Response:
         return PlainTextResponse("the list of keys did not arrive in time", 408)
     if not 1 <= len(keys) <= MAX_KEYS:
         return PlainTextResponse(f"1 to {MAX_KEYS} keys, please", 400)
-    parts = await run_in_threadpool(_plan, store, keys)
-    lasting = request.method == "GET" and all(
-        part.length not in (MISSING, POSTPONED) and is_permanent(part.key) for part in parts
-    )
+    parts = await run_in_threadpool(lambda: [_Part(key, _length_of(store, key)) for key in keys])
+    total = sum(part.bytes_sent for part in parts)
+    if total > MAX_BYTES and len(parts) > 1:
+        return PlainTextResponse(f"these are {total} bytes; at most {MAX_BYTES} in one answer", 413)
+    lasting = request.method == "GET" and all(part.length != MISSING and is_permanent(part.key) for part in parts)
     headers = {
         "Cache-Control": BROWSER_YEAR if lasting else "no-store",
-        "Content-Length": str(sum(_LENGTH.size + part.bytes_sent for part in parts)),
+        "Content-Length": str(total + _LENGTH.size * len(parts)),
     }
     if request.method == "HEAD":
         return Response(headers=headers, media_type=MEDIA_TYPE)
@@ -93,19 +91,6 @@ async def _keys_of(request: Request) -> list[str]:
         raise ValueError("expected a JSON list of keys") from None
 
 
-def _plan(store: Store, keys: list[str]) -> list[_Part]:
-    """What is sent for each key, in order."""
-    parts: list[_Part] = []
-    total = 0
-    for key in keys:
-        part = _Part(key, _length_of(store, key))
-        if total and total + part.bytes_sent > MAX_BYTES:
-            part = _Part(key, POSTPONED)
-        total += part.bytes_sent
-        parts.append(part)
-    return parts
-
-
 def _length_of(store: Store, key: str) -> int:
     if not is_world_key(key):
         return MISSING
@@ -117,7 +102,7 @@ def _length_of(store: Store, key: str) -> int:
         # One tile that cannot be read must not take the others with it.
         _log.warning("%s", error)
         return MISSING
-    return length if length < POSTPONED else MISSING
+    return min(length, MISSING)
 
 
 def _frames(store: Store, parts: list[_Part]) -> Iterator[bytes]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -36,6 +38,13 @@ class WatchedProtocol(H11Protocol):
         if seen != self._seen or (busy and not waiting):
             self._seen, self._seen_at = seen, now
         elif now - self._seen_at >= self.stall_seconds:
-            self.transport.abort()
+            self._cut()
             return
         self.loop.call_later(self.stall_seconds / 6, self._watch)
+
+    def _cut(self) -> None:
+        """Close at once; without lingering, so that the kernel drops what waits for a client that does not read."""
+        connection = self.transport.get_extra_info("socket")
+        if connection is not None:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.transport.abort()

@@ -6,9 +6,10 @@ import json
 
 import msgspec
 
-from farfield.errors import NotAWorldError, VersionError
+from farfield.errors import MissingKeyError, NotAWorldError, VersionError
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey, Grid
+from farfield.store.contract import Store
 
 FORMAT = "farfield-world"
 VERSION = 1
@@ -87,6 +88,15 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     def direction_by_number(self) -> dict[int, Direction]:
         """The baked directions by number."""
         return {d.number: Direction(d.number, d.vector) for d in self.directions}
+
+
+def read_manifest(store: Store) -> Manifest:
+    """The manifest of the world in a store. Raises NotAWorldError, VersionError or StoreError."""
+    try:
+        data = store.get(KEY)
+    except MissingKeyError:
+        raise NotAWorldError("no world here", store.location, "farfield bake SOURCE -o WORLD makes one") from None
+    return decode_manifest(data, f"{store.location}/{KEY}")
 
 
 def encode_manifest(manifest: Manifest) -> bytes:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from farfield.errors import CorruptTileError, MissingKeyError, NotAWorldError
+from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.orthoview.tile import DecodedTile, decode_tile
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry, decode_index
-from farfield.world.manifest import KEY, Manifest, decode_manifest
+from farfield.world.manifest import Manifest, read_manifest
 
 
 class World:
@@ -29,11 +29,7 @@ class World:
     @classmethod
     def open(cls, store: Store) -> World:
         """Reads the manifest. Raises NotAWorldError, VersionError or StoreError."""
-        try:
-            data = store.get(KEY)
-        except MissingKeyError:
-            raise NotAWorldError("no world here", store.location, "farfield bake SOURCE -o WORLD makes one") from None
-        return cls(store, decode_manifest(data, f"{store.location}/{KEY}"))
+        return cls(store, read_manifest(store))
 
     @property
     def roots(self) -> tuple[CellKey, ...]:
