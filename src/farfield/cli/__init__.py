@@ -1,5 +1,5 @@
 """The command line: one file per command, `main` the only place where errors become exit codes."""
 
-from farfield.cli.main import main
+from farfield.cli.entry import main
 
 __all__ = ["main"]

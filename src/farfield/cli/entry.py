@@ -1,6 +1,6 @@
 """Runs a command and turns whatever happens into one line and an exit code.
 
-0: done. 1: failed. 2: called wrongly. 130: interrupted. 141: whoever read the output stopped reading.
+0: done. 1: failed, or whoever read the output stopped reading. 2: called wrongly. 130: interrupted.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import typer
 from farfield.cli.app import TRACEBACK, build_app
 from farfield.errors import FarfieldError, OptionError
 
-FAILED, USAGE, INTERRUPTED, BROKEN_PIPE = 1, 2, 130, 141
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,4 +64,4 @@ def _say_usage(error: typer.TyperException) -> int:
 def _leave_quietly() -> int:
     # Python flushes stdout once more when it ends, and would complain about the same pipe again.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return BROKEN_PIPE
+    return FAILED
