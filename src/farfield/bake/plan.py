@@ -15,6 +15,11 @@ from farfield.scene.model import Instances, Scene
 
 MOST_LEAVES = 2000
 """Occupied leaves that the default leaf size allows."""
+FEWEST_LEAVES = 8
+"""And allows however few triangles there are."""
+TRIANGLES_PER_LEAF = 10_000
+"""What the default leaf size aims at, at least: fewer are cheaper drawn than the 100,000 pixels of a leaf's pictures.
+A statue of a million triangles baked to 2,000 leaves took an hour and 2,000 times its own size."""
 LARGEST_WORLD = 1 << 20
 """Leaves along an axis beyond which the leaf size is refused as absurd."""
 _PAD = 64
@@ -83,28 +88,30 @@ def scene_bounds(scene: Scene, summaries: list[MeshSummary]) -> NDArray[np.float
 
 
 def default_leaf_size(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64]) -> float:
-    """Smallest power of two, in metres, that gives at most MOST_LEAVES occupied leaves."""
+    """Smallest power of two, in metres, that keeps to MOST_LEAVES occupied leaves and TRIANGLES_PER_LEAF."""
+    triangles = sum(summaries[int(mesh)].triangles for mesh in scene.instances.mesh)
+    most = min(MOST_LEAVES, max(FEWEST_LEAVES, triangles // TRIANGLES_PER_LEAF))
     extent = float((bounds[1] - bounds[0]).max())
     exponent = int(np.ceil(np.log2(max(extent, 1e-6))))
-    while exponent > -30 and _occupied(scene, summaries, bounds, 2.0 ** (exponent - 1)) <= MOST_LEAVES:
+    while exponent > -30 and _occupied(scene, summaries, bounds, 2.0 ** (exponent - 1), most) <= most:
         exponent -= 1
         if 2.0**exponent < extent / 4096:
             break
     return 2.0**exponent
 
 
-def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], size: float) -> int:
+def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], size: float, most: int) -> int:
     corner = np.floor(bounds[0] / size * _PAD - 1) * size / _PAD
     found: set[int] = set()
     for _, boxes in _placed_boxes(scene.instances, summaries):
         lower, upper = _leaf_range(boxes.reshape(-1, 2, 3), corner, size)
         counts = np.prod(upper - lower + 1, axis=1)
-        if counts.max() > MOST_LEAVES:
-            return MOST_LEAVES + 1
+        if counts.max() > most:
+            return most + 1
         cells, _ = _expand(lower, upper)
         code = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
         found.update(np.unique(code).tolist())
-        if len(found) > MOST_LEAVES:
+        if len(found) > most:
             break
     return len(found)
 
