@@ -1,0 +1,30 @@
+/** Measures how long the graphics card takes for a frame, without waiting for it: a fence is looked at now and then. */
+export class FrameTimer {
+  /** Of the frame measured last, milliseconds from the start of its making until the card was done. */
+  milliseconds = 0;
+  private running = false;
+
+  constructor(private readonly gl: WebGL2RenderingContext) {}
+
+  /** To be called when all of a frame that began at `start` (performance.now) has been submitted. */
+  submitted(start: number): void {
+    if (this.running) return;
+    const fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    if (!fence) return;
+    this.running = true;
+    this.gl.flush();
+    const look = (): void => {
+      const done = this.gl.isContextLost() || this.gl.getSyncParameter(fence, this.gl.SYNC_STATUS) === this.gl.SIGNALED;
+      if (!done) return void setTimeout(look, 2);
+      this.running = false;
+      this.milliseconds = performance.now() - start;
+      this.gl.deleteSync(fence);
+    };
+    setTimeout(look, 0);
+  }
+
+  /** Whether the card is still at work on the frame being measured. */
+  get busy(): boolean {
+    return this.running;
+  }
+}

@@ -1,0 +1,111 @@
+/** The panel: figures on top, then light and quality, each a row made from a short description. */
+
+/** A slider or list of the panel. */
+export interface Control {
+  readonly label: string;
+  readonly min: number;
+  readonly max: number;
+  readonly step: number;
+  readonly unit?: string;
+  readonly get: () => number;
+  readonly set: (value: number) => void;
+}
+
+export interface PanelParts {
+  readonly title: string;
+  readonly light: readonly Control[];
+  readonly quality: readonly Control[];
+  readonly home: () => void;
+  readonly share: () => void;
+}
+
+const HELP = "Drag to orbit, right-drag to look, shift-drag to shift, wheel to approach; W A S D Q E to fly, shift for faster.";
+
+export class Panel {
+  private readonly figures = document.createElement("dl");
+  private readonly rows = new Map<string, HTMLElement>();
+  private readonly refreshers: (() => void)[] = [];
+
+  constructor(root: HTMLElement, parts: PanelParts) {
+    const body = make("div", "body");
+    const toggle = button("–", () => fold(!body.hidden));
+    const fold = (folded: boolean): void => {
+      body.hidden = folded;
+      toggle.textContent = folded ? "+" : "–";
+      toggle.setAttribute("aria-expanded", String(!folded));
+      toggle.setAttribute("aria-label", folded ? "Show figures and controls" : "Hide figures and controls");
+    };
+    const title = make("h1");
+    title.textContent = parts.title;
+    const header = make("header");
+    header.append(title, toggle);
+    const row = make("div", "row");
+    row.append(button("Whole world", parts.home), button("Copy link", parts.share));
+    const help = make("p", "help");
+    help.textContent = HELP;
+    body.append(heading("Figures"), this.figures, heading("Sun"), ...this.controls(parts.light));
+    body.append(heading("Quality"), ...this.controls(parts.quality), row, help);
+    root.replaceChildren(header, body);
+    fold(matchMedia("(max-width: 520px)").matches);
+  }
+
+  /** Shows figures in the order given; unknown ones get a row. */
+  show(figures: Readonly<Record<string, string>>): void {
+    for (const [name, value] of Object.entries(figures)) {
+      const known = this.rows.get(name) ?? this.addRow(name);
+      if (known.textContent !== value) known.textContent = value;
+    }
+  }
+
+  /** Brings the sliders to what they stand for now. */
+  refresh(): void {
+    for (const refresh of this.refreshers) refresh();
+  }
+
+  private addRow(name: string): HTMLElement {
+    const [term, value] = [make("dt"), make("dd")];
+    term.textContent = name;
+    this.figures.append(term, value);
+    this.rows.set(name, value);
+    return value;
+  }
+
+  private controls(list: readonly Control[]): HTMLElement[] {
+    return list.map(({ label, min, max, step, unit = "", get, set }) => {
+      const [row, name, input, output] = [make("label"), make("span"), document.createElement("input"), make("output")];
+      name.textContent = label;
+      Object.assign(input, { type: "range", min, max, step });
+      const refresh = (): void => {
+        input.value = String(get());
+        output.textContent = `${Math.round(get() * 100) / 100}${unit}`;
+      };
+      input.addEventListener("input", () => {
+        set(input.valueAsNumber);
+        refresh();
+      });
+      this.refreshers.push(refresh);
+      refresh();
+      row.append(name, input, output);
+      return row;
+    });
+  }
+}
+
+function make(name: string, className = ""): HTMLElement {
+  const made = document.createElement(name);
+  if (className) made.className = className;
+  return made;
+}
+
+function heading(text: string): HTMLElement {
+  const made = make("h2");
+  made.textContent = text;
+  return made;
+}
+
+function button(text: string, use: () => void): HTMLElement {
+  const made = make("button");
+  made.textContent = text;
+  made.addEventListener("click", use);
+  return made;
+}

@@ -1,0 +1,39 @@
+import type { OptionChanges, WorldOptions } from "../three/options.js";
+import type { Control } from "./panel.js";
+
+/** What the sliders change. */
+export interface Adjustable {
+  readonly world: { readonly options: WorldOptions };
+  setOptions(changes: OptionChanges): void;
+}
+
+/** The sliders of the panel. */
+export function controlsOf(page: Adjustable): { light: readonly Control[]; quality: readonly Control[] } {
+  const options = (): WorldOptions => page.world.options;
+  const set = (changes: OptionChanges): void => page.setOptions(changes);
+  return {
+    light: [
+      {
+        label: "Azimuth", min: 0, max: 360, step: 1, unit: "°",
+        get: () => options().light.azimuth, set: (azimuth) => set({ light: { azimuth } }),
+      },
+      {
+        label: "Elevation", min: -10, max: 90, step: 1, unit: "°",
+        get: () => options().light.elevation, set: (elevation) => set({ light: { elevation } }),
+      },
+      {
+        label: "Ambient", min: 0, max: 1, step: 0.05,
+        get: () => options().light.ambient, set: (ambient) => set({ light: { ambient } }),
+      },
+    ],
+    quality: [
+      {
+        label: "Samples", min: 1, max: 4, step: 1, unit: "²",
+        get: () => options().supersampling, set: (supersampling) => set({ supersampling }),
+      },
+      { label: "Views a cell", min: 1, max: 6, step: 1, get: () => options().views, set: (views) => set({ views }) },
+      { label: "Depth layers", min: 1, max: 2, step: 1, get: () => options().layers, set: (layers) => set({ layers }) },
+      { label: "Detail", min: -2, max: 2, step: 0.25, get: () => options().bias, set: (bias) => set({ bias }) },
+    ],
+  };
+}

@@ -1,0 +1,53 @@
+import type { Vector3 } from "../core/vector.js";
+
+/** Where the camera is; `fov` is vertical, degrees; local metres. */
+export interface Pose {
+  readonly eye: Vector3;
+  readonly target: Vector3;
+  readonly fov: number;
+}
+
+export const DEFAULT_FOV = 50;
+const STEEPEST = (89.5 * Math.PI) / 180;
+
+/** A pose as angles: how the target lies from the eye. */
+export interface Aim {
+  /** From north, clockwise, radians. */
+  readonly heading: number;
+  /** Above the horizon, radians. */
+  readonly pitch: number;
+  readonly distance: number;
+}
+
+export function aimOf({ eye, target }: Pose): Aim {
+  const [x, y, z] = [target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]];
+  const distance = Math.hypot(x, y, z) || 1;
+  const level = Math.hypot(x, y);
+  return { heading: level > 1e-9 * distance ? Math.atan2(x, y) : 0, pitch: Math.asin(z / distance), distance };
+}
+
+/** From eye to target. */
+export function reachOf({ heading, pitch, distance }: Aim): Vector3 {
+  const p = Math.max(-STEEPEST, Math.min(STEEPEST, pitch));
+  return [
+    Math.sin(heading) * Math.cos(p) * distance,
+    Math.cos(heading) * Math.cos(p) * distance,
+    Math.sin(p) * distance,
+  ];
+}
+
+export function plus(a: Vector3, b: Vector3, times = 1): Vector3 {
+  return [a[0] + b[0] * times, a[1] + b[1] * times, a[2] + b[2] * times];
+}
+
+/** Frames a box from the south-west, looking down 25 degrees. */
+export function overview(lower: Vector3, upper: Vector3, aspect: number, fov = DEFAULT_FOV): Pose {
+  const target = plus(lower, upper).map((c) => c / 2) as unknown as Vector3;
+  const radius = Math.hypot(upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]) / 2 || 1;
+  const half = (fov * Math.PI) / 360;
+  const narrow = Math.min(half, Math.atan(Math.tan(half) * aspect));
+  // A box that is flat as seen from here fills less than its sphere: 0.8 of the distance frames it well.
+  const distance = (0.8 * radius) / Math.sin(narrow);
+  const reach = reachOf({ heading: Math.PI / 4, pitch: (-25 * Math.PI) / 180, distance });
+  return { eye: plus(target, reach, -1), target, fov };
+}

@@ -1,0 +1,99 @@
+import { corrupt } from "./errors.js";
+import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
+import type { CellEntry, GeometryEntry } from "./indextile.js";
+import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
+import { Resource } from "./resource.js";
+import type { Box } from "./vector.js";
+
+/** One view of a cell: its layers, nearest first. */
+export interface CellView {
+  readonly direction: number;
+  readonly layers: readonly Resource[];
+}
+
+/** What a leaf needs to be drawn as geometry. */
+export interface CellGeometry {
+  readonly entry: GeometryEntry;
+  readonly leaf: Resource;
+  readonly meshes: readonly Resource[];
+}
+
+/** One cell of the world as far as the index is known. */
+export class Cell {
+  readonly name: string;
+  readonly level: number;
+  /** The cell itself. */
+  readonly box: Box;
+  /** Which child of its parent it is (Grid.octant). */
+  readonly octant: number;
+  /** Tight bounds of what is in it; the cell's box until the index says more. */
+  bounds: Box;
+  views: ReadonlyMap<number, CellView> = new Map();
+  /** For each view bin the directions to draw, best first. */
+  bins: readonly (readonly number[])[] = [];
+  geometry: CellGeometry | null = null;
+  /** Cells below that hold something, ascending; null until the index is known that far down. */
+  children: readonly Cell[] | null = null;
+  /** Hash of the index tile that tells of the cells below; empty when this one's does. */
+  indexHash = "";
+  /** How many tiles of this cell and those below are held. */
+  heldBelow = 0;
+
+  constructor(
+    readonly key: CellKey,
+    readonly parent: Cell | null,
+    private readonly grid: Grid,
+  ) {
+    this.name = formatKey(key);
+    this.level = key.level;
+    this.box = grid.bounds(key);
+    this.octant = grid.octant(key);
+    this.bounds = this.box;
+  }
+
+  /** Takes what the index tile says of this cell, and of those below it that the tile knows. */
+  read(entries: ReadonlyMap<string, CellEntry>, shared: SharedMeshes, where: string): void {
+    const entry = entries.get(this.name);
+    if (!entry) throw corrupt(`index tile without cell ${this.name}`, where);
+    // The cell may have been read before, as the lowest of the tile above: its resources stay what they are.
+    if (this.views.size === 0) this.describe(entry, shared);
+    const known = (entry.children ?? []).filter((name) => entries.has(name));
+    if (entry.index && known.length === 0) {
+      this.indexHash = entry.index;
+      return;
+    }
+    this.indexHash = "";
+    this.children = known.map((name) => {
+      const child = new Cell(parseKey(name), this, this.grid);
+      child.read(entries, shared, where);
+      return child;
+    });
+  }
+
+  private describe(entry: CellEntry, shared: SharedMeshes): void {
+    this.bounds = { lower: entry.bounds[0], upper: entry.bounds[1] };
+    this.bins = entry.views ?? [];
+    const views = new Map<number, { direction: number; layers: Resource[] }>();
+    for (const [direction, layer, bytes] of entry.tiles ?? []) {
+      const view = views.get(direction) ?? { direction, layers: [] };
+      view.layers[layer] = new Resource(orthoviewKey(this.name, direction, layer, entry.hash ?? ""), "orthoview", bytes, this);
+      views.set(direction, view);
+    }
+    this.views = views;
+    const near = entry.geometry;
+    if (!near) return;
+    const leaf = new Resource(geometryKey(this.name, near.hash), "geometry", near.bytes, this);
+    this.geometry = { entry: near, leaf, meshes: near.meshes.map(([hash, bytes]) => shared.get(hash, bytes)) };
+  }
+}
+
+/** The meshes that instances of several leaves share, one resource each. */
+export class SharedMeshes {
+  private readonly known = new Map<string, Resource>();
+
+  get(hash: string, bytes: number): Resource {
+    const found = this.known.get(hash) ?? new Resource(meshKey(hash), "mesh", bytes, null);
+    this.known.set(hash, found);
+    return found;
+  }
+}

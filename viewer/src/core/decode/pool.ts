@@ -1,0 +1,109 @@
+import { asFarfieldError, FarfieldError } from "../errors.js";
+import { decodeTile, type DecodedTile } from "../orthoview/decode.js";
+import { decodeColor } from "./color.js";
+import type { DecodeAnswer, DecodeRequest } from "./messages.js";
+
+/** Makes one worker; throws where workers are not allowed. */
+export type WorkerMaker = () => Worker;
+
+interface Task extends DecodeRequest {
+  readonly resolve: (tile: DecodedTile) => void;
+  readonly reject: (error: FarfieldError) => void;
+  readonly signal: AbortSignal;
+}
+
+/** Two to four, leaving the machine a core to draw with. */
+export function defaultWorkers(): number {
+  return Math.max(2, Math.min(4, (globalThis.navigator?.hardwareConcurrency ?? 2) - 1));
+}
+
+/** Decodes tiles in a few workers, one tile at a time each; on the calling thread where workers cannot be made. */
+export class DecodePool {
+  private readonly idle: Worker[] = [];
+  private readonly all: Worker[] = [];
+  private readonly waiting: Task[] = [];
+  private readonly running = new Map<number, Task>();
+  private nextId = 1;
+
+  constructor(make: WorkerMaker | null, workers = defaultWorkers()) {
+    for (let n = 0; make && n < workers; n++) {
+      try {
+        this.add(make());
+      } catch {
+        break;
+      }
+    }
+  }
+
+  /** Tiles that wait or are being decoded. */
+  get pending(): number {
+    return this.waiting.length + this.running.size;
+  }
+
+  /** Decodes a tile. Rejects with `corrupt` or, when aborted before its turn, `aborted`. */
+  decode(bytes: Uint8Array, where: string, signal: AbortSignal): Promise<DecodedTile> {
+    if (this.all.length === 0) return decodeTile(bytes, where, decodeColor);
+    return new Promise((resolve, reject) => {
+      this.waiting.push({ id: this.nextId++, bytes, where, resolve, reject, signal });
+      this.pump();
+    });
+  }
+
+  dispose(): void {
+    for (const worker of this.all) worker.terminate();
+    for (const task of [...this.waiting.splice(0), ...this.running.values()]) {
+      task.reject(new FarfieldError("aborted", "closed", task.where));
+    }
+    this.running.clear();
+  }
+
+  private add(worker: Worker): void {
+    worker.onmessage = ({ data }: MessageEvent<DecodeAnswer>) => {
+      this.settle(data);
+      this.idle.push(worker);
+      this.pump();
+    };
+    worker.onerror = (event) => {
+      // A worker that cannot even start: its tiles are decoded here.
+      event.preventDefault();
+      this.all.splice(this.all.indexOf(worker), 1);
+      if (this.idle.includes(worker)) this.idle.splice(this.idle.indexOf(worker), 1);
+      if (this.all.length === 0) this.decodeHere();
+    };
+    this.all.push(worker);
+    this.idle.push(worker);
+  }
+
+  private pump(): void {
+    while (this.idle.length > 0 && this.waiting.length > 0) {
+      const task = this.waiting.shift()!;
+      if (task.signal.aborted) {
+        task.reject(new FarfieldError("aborted", "no longer wanted", task.where));
+        continue;
+      }
+      this.running.set(task.id, task);
+      // A copy: the tiles of a batch share one buffer, and posting a part of it would send the whole.
+      const bytes = task.bytes.slice();
+      const request: DecodeRequest = { id: task.id, where: task.where, bytes };
+      this.idle.pop()!.postMessage(request, [bytes.buffer]);
+    }
+  }
+
+  private settle(answer: DecodeAnswer): void {
+    const task = this.running.get(answer.id);
+    if (!task) return;
+    this.running.delete(answer.id);
+    if ("tile" in answer) task.resolve(answer.tile);
+    else task.reject(new FarfieldError(answer.tag, answer.what, task.where));
+  }
+
+  private decodeHere(): void {
+    const tasks = [...this.running.values(), ...this.waiting.splice(0)];
+    this.running.clear();
+    for (const task of tasks) {
+      decodeTile(task.bytes, task.where, decodeColor).then(task.resolve, (error: unknown) =>
+        task.reject(asFarfieldError(error, task.where)),
+      );
+    }
+  }
+}

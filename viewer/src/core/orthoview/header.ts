@@ -1,0 +1,76 @@
+import { crc32 } from "../crc32.js";
+import { corrupt } from "../errors.js";
+
+const HEADER_BYTES = 40;
+const ENTRY_BYTES = 8;
+const MAGIC = 0x564f4646; // "FFOV"
+const LARGEST = 4096;
+
+export const PLANE = { depth: 1, color: 2, normal: 3, coverage: 4, flags: 5, unlit: 6 } as const;
+const CODECS: Readonly<Record<number, number>> = { 1: 1, 2: 2, 3: 1, 4: 1, 5: 1, 6: 1 };
+
+/** What a tile says of itself (spec/orthoview.md, Header). */
+export interface TileHeader {
+  readonly direction: number;
+  readonly layer: number;
+  readonly level: number;
+  /** Lattice column and row of the first pixel. */
+  readonly x: number;
+  readonly y: number;
+  readonly width: number;
+  readonly height: number;
+  /** Depth steps of code 0. */
+  readonly depthBase: number;
+  /** Number of pixels with a surface. */
+  readonly valid: number;
+  /** Bytes of each plane by kind, still packed. */
+  readonly planes: ReadonlyMap<number, Uint8Array>;
+}
+
+/** Reads the header and finds the planes. Throws `corrupt` unless the whole tile is sound. */
+export function readTile(bytes: Uint8Array, where: string): TileHeader {
+  if (bytes.length < HEADER_BYTES) throw corrupt("tile is cut short", where);
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
+  if (view.getUint32(0, true) !== MAGIC || view.getUint16(4, true) !== 1) {
+    throw corrupt("not an orthoview tile of a known version", where);
+  }
+  if (checksum(bytes) !== view.getUint32(36, true)) throw corrupt("tile is damaged", where);
+  const header = {
+    direction: view.getUint8(6),
+    layer: view.getUint8(7),
+    level: view.getInt32(8, true),
+    x: view.getInt32(12, true),
+    y: view.getInt32(16, true),
+    width: view.getUint16(20, true),
+    height: view.getUint16(22, true),
+    depthBase: view.getInt32(24, true),
+    valid: view.getUint32(28, true),
+  };
+  const { width, height, valid } = header;
+  const sane = width >= 1 && width <= LARGEST && height >= 1 && height <= LARGEST && valid >= 1;
+  if (!sane || valid > width * height) throw corrupt("tile of an impossible size", where);
+  return { ...header, planes: readPlanes(bytes, view, view.getUint16(32, true), where) };
+}
+
+function checksum(bytes: Uint8Array): number {
+  const zeros = new Uint8Array(4);
+  return crc32(bytes.subarray(HEADER_BYTES), crc32(zeros, crc32(bytes.subarray(0, 36))));
+}
+
+function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: string): Map<number, Uint8Array> {
+  const planes = new Map<number, Uint8Array>();
+  let at = HEADER_BYTES + count * ENTRY_BYTES;
+  if (at > bytes.length) throw corrupt("tile is cut short", where);
+  for (let n = 0; n < count; n++) {
+    const entry = HEADER_BYTES + n * ENTRY_BYTES;
+    const kind = view.getUint8(entry);
+    const end = at + view.getUint32(entry + 4, true);
+    if (end > bytes.length) throw corrupt("tile is cut short", where);
+    const codec = CODECS[kind];
+    if (codec !== undefined && codec !== view.getUint8(entry + 1)) throw corrupt(`plane ${kind} in an unknown codec`, where);
+    if (codec !== undefined) planes.set(kind, bytes.subarray(at, end));
+    at = end;
+  }
+  if (at !== bytes.length) throw corrupt("bytes behind the last plane", where);
+  return planes;
+}

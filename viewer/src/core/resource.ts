@@ -1,0 +1,37 @@
+import type { Cell } from "./cell.js";
+
+/** What a value of the store is drawn as. */
+export type ResourceKind = "orthoview" | "geometry" | "mesh";
+
+/**
+ *     absent → loading → ready → held
+ *        ↑        └──→ bad
+ *        └─── dropped by the cache or aborted
+ *
+ * `ready` is decoded and waits for its turn to be uploaded.
+ */
+export type ResourceState = "absent" | "loading" | "ready" | "held" | "bad";
+
+/** A value of the store that can be drawn, and how far it has come. */
+export class Resource {
+  state: ResourceState = "absent";
+  /** What the drawing side made of it, while held. */
+  payload: unknown = null;
+  /** Bytes it takes while ready or held. */
+  size = 0;
+  /** Number of the last plan that had a use for it. */
+  used = 0;
+
+  constructor(
+    readonly key: string,
+    readonly kind: ResourceKind,
+    /** Bytes on the wire. */
+    readonly bytes: number,
+    /** The cell it belongs to; null for meshes, which several share. */
+    readonly cell: Cell | null,
+  ) {}
+
+  get held(): boolean {
+    return this.state === "held";
+  }
+}

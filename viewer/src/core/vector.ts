@@ -1,0 +1,24 @@
+/** Three numbers: x east, y north, z up, local metres unless said otherwise. */
+export type Vector3 = readonly [number, number, number];
+
+/** Lower and upper corner. */
+export interface Box {
+  readonly lower: Vector3;
+  readonly upper: Vector3;
+}
+
+export function dot(a: Vector3, b: Vector3): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+export function middleOf({ lower, upper }: Box): Vector3 {
+  return [(lower[0] + upper[0]) / 2, (lower[1] + upper[1]) / 2, (lower[2] + upper[2]) / 2];
+}
+
+/** Metres from a point to the nearest point of a box; 0 inside. */
+export function distanceTo({ lower, upper }: Box, point: Vector3): number {
+  const x = Math.max(lower[0] - point[0], point[0] - upper[0], 0);
+  const y = Math.max(lower[1] - point[1], point[1] - upper[1], 0);
+  const z = Math.max(lower[2] - point[2], point[2] - upper[2], 0);
+  return Math.sqrt(x * x + y * y + z * z);
+}

@@ -1,0 +1,74 @@
+import type { Cell } from "./cell.js";
+import { seesBox } from "./frustum.js";
+import type { Manifest } from "./manifest.js";
+import type { Plan, PlanView } from "./plan.js";
+import type { Resource } from "./resource.js";
+import { distanceTo } from "./vector.js";
+import { layersOf, rankedViews, viewsWanted } from "./views.js";
+
+/** Why something is wanted; the lower the number, the sooner it is fetched. */
+export const URGENCY = {
+  /** The roots, so that there is a picture at once. */
+  root: 0,
+  /** What the picture shows. */
+  seen: 1,
+  /** Ancestors of the cut, to stand in when the eye moves on. */
+  cover: 2,
+  /** The cut outside the picture, for when the eye turns. */
+  unseen: 3,
+} as const;
+
+/** A value that would be drawn if it were there. */
+export interface Want {
+  readonly resource: Resource;
+  readonly urgency: number;
+  readonly distance: number;
+  readonly level: number;
+}
+
+/** Levels from a cell of the cut up to the ancestor that is kept to stand in for it. */
+const COVER_LEVELS = 2;
+
+/** Everything a plan has a use for, most urgent first: in the picture, then near, then coarse. */
+export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest, view: PlanView): Want[] {
+  const wants = new Map<Resource, Want>();
+  const add = (resources: readonly Resource[], cell: Cell, urgency: number): void => {
+    const distance = distanceTo(cell.box, view.eye);
+    for (const resource of resources) {
+      const known = wants.get(resource);
+      if (known && known.urgency <= urgency) continue;
+      wants.set(resource, { resource, urgency, distance, level: cell.level });
+    }
+  };
+  const addPictures = (cell: Cell, urgency: number): void => {
+    const ranked = rankedViews(cell, manifest.directions, view.eye).slice(0, viewsWanted(cell, view.eye, view.choice));
+    const tiles = ranked.flatMap((ranking) => layersOf(ranking, view.choice));
+    add(tiles, cell, urgency);
+    if (cell.parent && tiles.some((tile) => tile.state === "bad")) addPictures(cell.parent, urgency);
+  };
+  const addGeometry = (cell: Cell, urgency: number): void => {
+    const near = cell.geometry;
+    const parts = near ? [near.leaf, ...near.meshes] : [];
+    add(parts, cell, urgency);
+    if (!near || parts.some((part) => part.state === "bad")) addPictures(cell, urgency);
+  };
+
+  for (const root of roots) addPictures(root, URGENCY.root);
+  const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.bounds) ? URGENCY.seen : URGENCY.unseen);
+  for (const cell of plan.cut.pictures) {
+    addPictures(cell, urgencyOf(cell));
+    addCover(cell, (ancestor) => addPictures(ancestor, URGENCY.cover));
+  }
+  if (!view.farOnly) for (const cell of plan.cut.geometry) addGeometry(cell, urgencyOf(cell));
+  return [...wants.values()].sort(byUrgency);
+}
+
+function addCover(cell: Cell, add: (ancestor: Cell) => void): void {
+  let ancestor: Cell | null = cell;
+  for (let n = 0; n < COVER_LEVELS && ancestor; n++) ancestor = ancestor.parent;
+  if (ancestor) add(ancestor);
+}
+
+function byUrgency(a: Want, b: Want): number {
+  return a.urgency - b.urgency || a.distance - b.distance || b.level - a.level;
+}

@@ -1,0 +1,128 @@
+import {
+  BufferGeometry, CustomBlending, DepthTexture, Float32BufferAttribute, FloatType, Mesh, NearestFilter, NoColorSpace, OneFactor,
+  OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, Vector4, WebGLRenderTarget,
+  AlwaysDepth, type Camera, type Object3D, type WebGLRenderer, type Scene,
+} from "three";
+import { linear } from "./light.js";
+import fragmentText from "./shaders/resolve.frag.glsl";
+import vertexText from "./shaders/resolve.vert.glsl";
+
+/** The larger frame that the world is drawn into, and the triangle that averages it down into the scene. */
+export class Frame {
+  readonly resolve: Mesh<BufferGeometry, ShaderMaterial>;
+  private target: WebGLRenderTarget | null = null;
+  private samples = 1;
+
+  constructor() {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
+    const material = new ShaderMaterial({
+      name: "farfield resolve",
+      vertexShader: vertexText,
+      fragmentShader: fragmentText,
+      depthFunc: AlwaysDepth,
+      toneMapped: false,
+      blending: CustomBlending,
+      blendSrc: OneFactor,
+      blendDst: OneMinusSrcAlphaFactor,
+      uniforms: {
+        frame: { value: null },
+        frameDepth: { value: null },
+        samples: { value: 1 },
+        near: { value: 1 },
+        sky: { value: new Vector4() },
+        depthOf: { value: new Vector2() },
+      },
+    });
+    this.resolve = new Mesh(geometry, material);
+    this.resolve.frustumCulled = false;
+    this.resolve.renderOrder = -Infinity;
+    this.resolve.visible = false;
+  }
+
+  /** The sky's CSS colour, or null for whatever the scene has behind the world. */
+  setSky(sky: string | null): void {
+    const value = this.resolve.material.uniforms["sky"]!.value as Vector4;
+    if (sky === null) value.set(0, 0, 0, 0);
+    else value.set(...linear(sky).toArray(), 1);
+  }
+
+  /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows. */
+  resize(renderer: WebGLRenderer, width: number, height: number, samples: number): { width: number; height: number } {
+    const fitting = Math.floor(renderer.capabilities.maxTextureSize / Math.max(width, height));
+    this.samples = Math.max(1, Math.min(samples, fitting));
+    const size = { width: width * this.samples, height: height * this.samples };
+    if (this.target && this.target.width === size.width && this.target.height === size.height) return size;
+    this.target?.dispose();
+    this.target = makeTarget(size.width, size.height);
+    return size;
+  }
+
+  /** Draws a scene into the frame, leaving the renderer as it was. */
+  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
+    const target = this.target!;
+    const before = {
+      target: renderer.getRenderTarget(),
+      autoClear: renderer.autoClear,
+      shadows: renderer.shadowMap.autoUpdate,
+      xr: renderer.xr.enabled,
+    };
+    renderer.autoClear = false;
+    renderer.shadowMap.autoUpdate = false;
+    renderer.xr.enabled = false;
+    renderer.setRenderTarget(target);
+    clear(renderer);
+    renderer.render(scene, camera);
+    renderer.setRenderTarget(before.target);
+    renderer.autoClear = before.autoClear;
+    renderer.shadowMap.autoUpdate = before.shadows;
+    renderer.xr.enabled = before.xr;
+    this.show(camera);
+  }
+
+  addTo(parent: Object3D): void {
+    parent.add(this.resolve);
+  }
+
+  dispose(): void {
+    this.target?.dispose();
+    this.resolve.geometry.dispose();
+    this.resolve.material.dispose();
+  }
+
+  private show(camera: Camera): void {
+    const { uniforms } = this.resolve.material;
+    const p = camera.projectionMatrix.elements;
+    uniforms["frame"]!.value = this.target!.texture;
+    uniforms["frameDepth"]!.value = this.target!.depthTexture;
+    uniforms["samples"]!.value = this.samples;
+    uniforms["near"]!.value = (camera as unknown as { near: number }).near;
+    (uniforms["depthOf"]!.value as Vector2).set(p[10]!, p[14]!);
+    this.resolve.visible = true;
+  }
+}
+
+/** Nothing anywhere: transparent, and infinitely far (depth is near / distance). */
+function clear(renderer: WebGLRenderer): void {
+  const gl = renderer.getContext() as WebGL2RenderingContext;
+  renderer.state.buffers.color.setMask(true);
+  renderer.state.buffers.depth.setMask(true);
+  gl.clearBufferfv(gl.COLOR, 0, [0, 0, 0, 0]);
+  gl.clearBufferfv(gl.DEPTH, 0, [0]);
+}
+
+function makeTarget(width: number, height: number): WebGLRenderTarget {
+  const depthTexture = new DepthTexture(width, height, FloatType);
+  depthTexture.colorSpace = NoColorSpace;
+  const target = new WebGLRenderTarget(width, height, {
+    format: RGBAFormat,
+    type: UnsignedByteType,
+    colorSpace: SRGBColorSpace,
+    minFilter: NearestFilter,
+    magFilter: NearestFilter,
+    generateMipmaps: false,
+    depthTexture,
+  });
+  target.texture.internalFormat = "SRGB8_ALPHA8";
+  return target;
+}

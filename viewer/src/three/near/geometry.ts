@@ -1,0 +1,127 @@
+import { Mesh, type BufferGeometry, type Group, type RawShaderMaterial } from "three";
+import type { Cell, CellGeometry } from "../../core/cell.js";
+import type { Grid } from "../../core/grid.js";
+import type { Vector3 } from "../../core/vector.js";
+import type { LightUniforms } from "../light.js";
+import type { Viewpoint } from "../viewpoint.js";
+import { InstancedModel, type DrawnLeaf } from "./instances.js";
+import { LeafLookup } from "./leaflookup.js";
+import { NearMaterials } from "./materials.js";
+import type { NearModel } from "./model.js";
+
+type LeafMesh = Mesh<BufferGeometry, RawShaderMaterial>;
+
+/** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. */
+export class NearGeometry {
+  /** Triangles drawn last. */
+  triangles = 0;
+  private readonly materials: NearMaterials;
+  private readonly lookup = new LeafLookup();
+  private readonly leaves = new Map<NearModel, LeafMesh[]>();
+  private readonly instanced = new Map<string, InstancedModel>();
+  private drawn: DrawnLeaf[] = [];
+
+  constructor(
+    private readonly group: Group,
+    private readonly grid: Grid,
+    light: LightUniforms,
+  ) {
+    this.materials = new NearMaterials(light, grid.leafSize);
+  }
+
+  /** Takes the leaves to be drawn. */
+  set(leaves: readonly CellGeometry[], viewpoint: Viewpoint, sun: Vector3): void {
+    this.materials.set(viewpoint, sun);
+    const drawn = leaves.map(({ leaf }) => ({ cell: leaf.cell!, model: leaf.payload as NearModel }));
+    if (!sameLeaves(drawn, this.drawn) || this.meshesChanged(leaves)) this.change(drawn, leaves, viewpoint.eye);
+    for (const { cell, model } of drawn) {
+      const [x, y, z] = [0, 1, 2].map((a) => cell.box.lower[a]! - viewpoint.eye[a]!);
+      for (const mesh of this.leaves.get(model)!) mesh.matrixWorld.makeTranslation(x!, y!, z!);
+    }
+    for (const model of this.instanced.values()) model.moveTo(viewpoint.eye);
+    const [x, y, z] = [0, 1, 2].map(
+      (a) => this.grid.corner[a]! + this.lookup.first[a]! * this.grid.leafSize - viewpoint.eye[a]!,
+    );
+    this.materials.leavesLower.value.set(x!, y!, z!);
+  }
+
+  /** Forgets a model that is about to be dropped. */
+  forget(model: NearModel): void {
+    for (const mesh of this.leaves.get(model) ?? []) this.remove(mesh);
+    this.leaves.delete(model);
+    this.drawn = this.drawn.filter((leaf) => leaf.model !== model);
+    for (const [hash, instanced] of this.instanced) {
+      if (!instanced.isOf(model)) continue;
+      instanced.dispose();
+      this.instanced.delete(hash);
+    }
+  }
+
+  dispose(): void {
+    for (const model of [...this.leaves.keys()]) this.forget(model);
+    for (const model of this.instanced.values()) model.dispose();
+    this.lookup.dispose();
+  }
+
+  private meshesChanged(leaves: readonly CellGeometry[]): boolean {
+    return leaves.some(({ meshes }) =>
+      meshes.some(({ key, payload }) => !this.instanced.get(hashOf(key))?.isOf(payload as NearModel)),
+    );
+  }
+
+  private change(drawn: DrawnLeaf[], leaves: readonly CellGeometry[], eye: Vector3): void {
+    this.drawn = drawn;
+    const cells = drawn.map(({ cell }) => cell);
+    this.lookup.set(cells);
+    this.materials.leaves.value = this.lookup.texture;
+    for (const { model } of drawn) if (!this.leaves.has(model)) this.leaves.set(model, this.makeLeaf(model));
+    const visible = new Set(drawn.map(({ model }) => model));
+    for (const [model, meshes] of this.leaves) for (const mesh of meshes) mesh.visible = visible.has(model);
+    for (const { key, payload } of leaves.flatMap(({ meshes }) => meshes)) this.makeInstanced(hashOf(key), payload as NearModel);
+    const anchor = anchorOf(cells, eye);
+    for (const model of this.instanced.values()) model.place(drawn, anchor);
+    this.triangles = this.countTriangles();
+  }
+
+  private makeLeaf(model: NearModel): LeafMesh[] {
+    return model.parts.map((part) => {
+      const mesh: LeafMesh = new Mesh(part.geometry, this.materials.make(part, false));
+      mesh.frustumCulled = false;
+      mesh.matrixAutoUpdate = mesh.matrixWorldAutoUpdate = false;
+      this.group.add(mesh);
+      return mesh;
+    });
+  }
+
+  private makeInstanced(hash: string, model: NearModel): void {
+    const known = this.instanced.get(hash);
+    if (known?.isOf(model)) return;
+    known?.dispose();
+    this.instanced.set(hash, new InstancedModel(this.group, hash, model, this.materials));
+  }
+
+  private remove(mesh: LeafMesh): void {
+    this.group.remove(mesh);
+    mesh.material.dispose();
+  }
+
+  private countTriangles(): number {
+    let sum = 0;
+    for (const { model } of this.drawn) for (const part of model.parts) sum += part.triangles;
+    for (const { count, triangles } of this.instanced.values()) sum += count * triangles;
+    return sum;
+  }
+}
+
+function hashOf(meshKey: string): string {
+  return meshKey.slice(meshKey.indexOf("/") + 1);
+}
+
+function sameLeaves(a: readonly DrawnLeaf[], b: readonly DrawnLeaf[]): boolean {
+  return a.length === b.length && a.every(({ model }, n) => model === b[n]!.model);
+}
+
+/** A corner near the eye: instances keep their precision relative to it. */
+function anchorOf(cells: readonly Cell[], eye: Vector3): Vector3 {
+  return cells[0]?.box.lower ?? eye;
+}

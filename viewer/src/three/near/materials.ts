@@ -1,0 +1,69 @@
+import { DoubleSide, GLSL3, GreaterDepth, NoBlending, RawShaderMaterial, Vector2, Vector3, Vector4, type Data3DTexture } from "three";
+import type { Vector3 as Triple } from "../../core/vector.js";
+import type { LightUniforms } from "../light.js";
+import type { Viewpoint } from "../viewpoint.js";
+import type { NearPart } from "./model.js";
+import lightText from "../shaders/light.glsl";
+import fragmentText from "../shaders/near.frag.glsl";
+import vertexText from "../shaders/near.vert.glsl";
+
+const PRECISION = "precision highp float;\nprecision highp int;\n";
+
+/** Makes the materials of near geometry, which share what depends on the view and the light. */
+export class NearMaterials {
+  readonly leaves: { value: Data3DTexture | null } = { value: null };
+  readonly leavesLower = { value: new Vector3() };
+  private readonly shared = {
+    toX: { value: new Vector3() },
+    toY: { value: new Vector3() },
+    toW: { value: new Vector3() },
+    sun: { value: new Vector3() },
+    frame: { value: new Vector2() },
+    near: { value: 1 },
+  };
+
+  constructor(
+    private readonly light: LightUniforms,
+    private readonly leafSize: number,
+  ) {}
+
+  set({ toX, toY, toW, width, height, near }: Viewpoint, sun: Triple): void {
+    this.shared.toX.value.set(...toX);
+    this.shared.toY.value.set(...toY);
+    this.shared.toW.value.set(...toW);
+    this.shared.sun.value.set(...sun);
+    this.shared.frame.value.set(width, height);
+    this.shared.near.value = near;
+  }
+
+  make({ surface, geometry }: NearPart, instanced: boolean): RawShaderMaterial {
+    const defines: Record<string, string> = {};
+    if (surface.map) defines["TEXTURED"] = "";
+    if (surface.colored) defines["COLORED"] = "";
+    if (surface.twoSided) defines["TWO_SIDED"] = "";
+    if (surface.unlit) defines["UNLIT"] = "";
+    if (instanced) defines["INSTANCED"] = "";
+    if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();
+    const lookup = { leaves: this.leaves, leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
+    return new RawShaderMaterial({
+      name: "farfield near geometry",
+      glslVersion: GLSL3,
+      defines,
+      vertexShader: [PRECISION, vertexText].join("\n"),
+      fragmentShader: [PRECISION, lightText, fragmentText].join("\n"),
+      // As the bake sees surfaces: from both sides.
+      side: DoubleSide,
+      depthFunc: GreaterDepth,
+      blending: NoBlending,
+      uniforms: {
+        ...this.shared,
+        ...this.light,
+        ...(instanced ? lookup : {}),
+        map: { value: surface.map },
+        factor: { value: new Vector4(...surface.factor) },
+        cutoff: { value: surface.cutoff },
+      },
+    });
+  }
+}
+

@@ -1,0 +1,104 @@
+import type { BufferAttribute, BufferGeometry, Material, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Texture } from "three";
+import { GLTFLoader, type GLTFParser } from "three/addons/loaders/GLTFLoader.js";
+import { corrupt } from "../../core/errors.js";
+import type { NearModel, NearPart, NearSurface, Placements } from "./model.js";
+import { textureBytes, type TextureShelf } from "./textures.js";
+
+/** Blended surfaces are drawn as masked at this alpha, as the bake does. */
+const BLEND_CUTOFF = 0.5;
+const TEXTURE_HASH = /(?:^|\/)texture\/([0-9a-f]+)$/;
+
+/**
+ * Reads a GLB of the world (spec/world.md, Geometry of a leaf). Positions are taken as they are stored: z up, which the
+ * file's root node would turn. Rejects with `corrupt`.
+ */
+export async function parseNearModel(bytes: Uint8Array, where: string, shelf: TextureShelf): Promise<NearModel> {
+  const hashes: string[] = [];
+  const loader = new GLTFLoader();
+  loader.register((parser) => ({
+    name: "FARFIELD_textures",
+    loadTexture: (index: number) => {
+      const hash = hashOf(parser, index);
+      if (hash === null) return null;
+      hashes.push(hash);
+      return shelf.acquire(hash);
+    },
+  }));
+  try {
+    const file = await loader.parseAsync(bytes.slice().buffer, "");
+    const parts = partsOf(file.scene);
+    const placements = await placementsOf(file.parser, file.scene.userData);
+    return modelOf(parts, placements, () => hashes.forEach((hash) => shelf.release(hash)));
+  } catch (error) {
+    hashes.forEach((hash) => shelf.release(hash));
+    if (error instanceof Error && error.name === "FarfieldError") throw error;
+    throw corrupt(`the GLB cannot be read: ${String(error)}`, where);
+  }
+}
+
+function hashOf(parser: GLTFParser, index: number): string | null {
+  const { textures = [], images = [] } = parser.json as { textures?: { source: number }[]; images?: { uri?: string }[] };
+  const uri = images[textures[index]?.source ?? -1]?.uri ?? "";
+  return TEXTURE_HASH.exec(uri)?.[1] ?? null;
+}
+
+function partsOf(scene: Object3D): NearPart[] {
+  const parts: NearPart[] = [];
+  scene.traverse((object) => {
+    const mesh = object as Mesh<BufferGeometry, Material>;
+    if (!mesh.isMesh) return;
+    const { geometry } = mesh;
+    const vertices = geometry.index ?? geometry.getAttribute("position");
+    parts.push({ geometry, surface: surfaceOf(mesh.material, geometry), triangles: vertices.count / 3 });
+    mesh.material.dispose();
+  });
+  return parts;
+}
+
+function surfaceOf(material: Material, geometry: BufferGeometry): NearSurface {
+  const { color, map } = material as MeshStandardMaterial;
+  return {
+    map: geometry.hasAttribute("uv") ? map : null,
+    factor: [color.r, color.g, color.b, material.opacity],
+    cutoff: material.alphaTest > 0 ? material.alphaTest : material.transparent ? BLEND_CUTOFF : 0,
+    // 2 is three's DoubleSide.
+    twoSided: material.side === 2,
+    unlit: (material as MeshBasicMaterial).isMeshBasicMaterial === true,
+    colored: geometry.hasAttribute("color"),
+  };
+}
+
+interface Extras {
+  readonly farfield?: { readonly instances?: readonly { mesh: string; transforms: number; objects: number }[] };
+}
+
+function placementsOf(parser: GLTFParser, extras: Extras): Promise<Placements[]> {
+  const accessor = (index: number): Promise<BufferAttribute> => parser.getDependency("accessor", index) as Promise<BufferAttribute>;
+  return Promise.all(
+    (extras.farfield?.instances ?? []).map(async ({ mesh, transforms, objects }) => ({
+      mesh,
+      transforms: (await accessor(transforms)).array as Float32Array,
+      objects: (await accessor(objects)).array as Uint32Array,
+    })),
+  );
+}
+
+function modelOf(parts: NearPart[], placements: Placements[], release: () => void): NearModel {
+  const textures = new Set<Texture>(parts.flatMap(({ surface }) => surface.map ?? []));
+  let bytes = 0;
+  for (const { geometry } of parts) {
+    // Ids of objects are for picking; they need no place on the card.
+    for (const name of Object.keys(geometry.attributes)) {
+      if (!["position", "normal", "uv", "color"].includes(name)) geometry.deleteAttribute(name);
+    }
+    for (const attribute of Object.values(geometry.attributes)) bytes += (attribute as BufferAttribute).array.byteLength;
+    bytes += geometry.index?.array.byteLength ?? 0;
+  }
+  for (const { transforms } of placements) bytes += transforms.byteLength;
+  for (const texture of textures) bytes += textureBytes(texture);
+  const dispose = (): void => {
+    for (const { geometry } of parts) geometry.dispose();
+    release();
+  };
+  return { parts, placements, bytes, dispose };
+}

@@ -1,0 +1,50 @@
+import { DEFAULT_LIGHT, DEFAULT_SKY, type Light } from "./light.js";
+
+/** How a world is shown. All may be changed at any time; none makes anything be fetched again that is still held. */
+export interface WorldOptions {
+  /** Samples a side for each pixel, 1 to 4. */
+  readonly supersampling: number;
+  /** Directions drawn a cell. */
+  readonly views: number;
+  /** Depth layers drawn a direction: 1 or 2. */
+  readonly layers: number;
+  /** Resolution bias: 1 takes cells one level finer than the picture's pixels need, -1 one coarser. */
+  readonly bias: number;
+  /** Metres within which leaves are geometry; null: as far as a leaf's pixels would be wider than the picture's. */
+  readonly nearRadius: number | null;
+  /** Leave the near geometry out. */
+  readonly farOnly: boolean;
+  readonly light: Light;
+  /** CSS colour; null leaves whatever the scene has behind the world. */
+  readonly sky: string | null;
+  /** Bytes that decoded tiles and geometry may take; what is in the picture stays even beyond it. */
+  readonly cacheBytes: number;
+  /** Bytes uploaded to the graphics card a frame, at most one value more. */
+  readonly uploadBytes: number;
+}
+
+const PHONE_CACHE = 192 << 20;
+const DESKTOP_CACHE = 768 << 20;
+
+export function defaultOptions(): WorldOptions {
+  const memory = (globalThis.navigator as { deviceMemory?: number } | undefined)?.deviceMemory ?? 8;
+  return {
+    supersampling: 2,
+    views: 3,
+    layers: 2,
+    bias: 0,
+    nearRadius: null,
+    farOnly: false,
+    light: DEFAULT_LIGHT,
+    sky: DEFAULT_SKY,
+    cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
+    uploadBytes: 4 << 20,
+  };
+}
+
+/** Options with changes; parts of `light` may be changed alone. */
+export type OptionChanges = Partial<Omit<WorldOptions, "light">> & { readonly light?: Partial<Light> };
+
+export function withChanges(options: WorldOptions, changes: OptionChanges): WorldOptions {
+  return { ...options, ...changes, light: { ...options.light, ...changes.light } };
+}

@@ -1,0 +1,51 @@
+import type { WebGLRenderer } from "three";
+import type { DecodePool } from "../core/decode/pool.js";
+import { corrupt } from "../core/errors.js";
+import type { Prepared, Preparer } from "../core/loader.js";
+import type { Manifest } from "../core/manifest.js";
+import type { Resource } from "../core/resource.js";
+import type { NearModel } from "./near/model.js";
+import { parseNearModel } from "./near/parse.js";
+import type { TextureShelf } from "./near/textures.js";
+import { OrthoviewTile, tileBytes } from "./orthoviewtile.js";
+
+export interface PreparerParts {
+  readonly manifest: Manifest;
+  readonly pool: DecodePool;
+  readonly shelf: TextureShelf;
+  /** The renderer that draws; asked for when something is uploaded. */
+  readonly renderer: () => WebGLRenderer;
+  /** Told before a model of near geometry goes. */
+  readonly forget: (model: NearModel) => void;
+}
+
+/** Turns the world's values into what the graphics card draws. */
+export class ThreePreparer implements Preparer {
+  constructor(private readonly parts: PreparerParts) {}
+
+  prepare(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
+    return resource.kind === "orthoview" ? this.orthoview(resource, bytes, signal) : this.model(resource, bytes);
+  }
+
+  dispose(resource: Resource, payload: unknown): void {
+    if (resource.kind === "orthoview") {
+      (payload as OrthoviewTile).dispose(this.parts.renderer());
+      return;
+    }
+    this.parts.forget(payload as NearModel);
+    (payload as NearModel).dispose();
+  }
+
+  private async orthoview(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
+    const tile = await this.parts.pool.decode(bytes, resource.key, signal);
+    const { manifest, renderer } = this.parts;
+    const direction = manifest.directions.get(tile.direction);
+    if (!direction || tile.level !== resource.cell?.level) throw corrupt("the tile belongs to another cell", resource.key);
+    return { size: tileBytes(tile), install: () => new OrthoviewTile(renderer(), tile, manifest.grid, direction) };
+  }
+
+  private async model(resource: Resource, bytes: Uint8Array): Promise<Prepared> {
+    const model = await parseNearModel(bytes, resource.key, this.parts.shelf);
+    return { size: model.bytes, install: () => model, discard: () => model.dispose() };
+  }
+}

@@ -1,0 +1,50 @@
+// Near geometry, lit like the splats (spec/drawing.md, Light). Depth is near / d, as theirs.
+
+in vec3 point;
+in vec3 facing;
+#ifdef TEXTURED
+in vec2 texturePoint;
+uniform sampler2D map;
+#endif
+#ifdef COLORED
+in vec4 tint;
+#endif
+#ifdef INSTANCED
+uniform highp sampler3D leaves; // 1 where a leaf is drawn as geometry
+uniform vec3 leavesLower;       // of its first texel, relative to the eye
+uniform float leafSize;
+#endif
+
+uniform vec4 factor;  // linear light
+uniform float cutoff; // alpha below it is a hole
+uniform vec3 sun;
+uniform float near;
+
+out vec4 color;
+
+void main() {
+#ifdef INSTANCED
+    vec3 leaf = floor((point - leavesLower) / leafSize);
+    vec3 count = vec3(textureSize(leaves, 0));
+    if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, count))) discard;
+    if (texelFetch(leaves, ivec3(leaf), 0).r < 0.5) discard;
+#endif
+    vec4 surface = factor;
+#ifdef TEXTURED
+    surface *= texture(map, texturePoint);
+#endif
+#ifdef COLORED
+    surface *= tint;
+#endif
+    if (surface.a < cutoff) discard;
+    vec3 n = normalize(facing);
+#ifdef TWO_SIDED
+    if (dot(n, point) > 0.0) n = -n;
+#endif
+#ifdef UNLIT
+    color = vec4(surface.rgb, 1.0);
+#else
+    color = vec4(lit(surface.rgb, dot(n, sun), 1.0), 1.0);
+#endif
+    gl_FragDepth = near * gl_FragCoord.w;
+}
