@@ -30,11 +30,9 @@ def mark_connected(layer: OrthoLayer, connection: Connection = Connection()) -> 
     """Write bit 1 of `layer.connected` in place; bit 2 (unlit) stays.
 
     Neighbours outside the layer's rectangle count as missing, so the outermost pixels of a cell need all five that
-    they have. Raises ValueError when `layer.connected` cannot be written in place.
+    they have. Raises ValueError when `layer.connected` is read-only.
     """
-    flags = layer.connected
-    if not flags.flags.writeable or not flags.flags.c_contiguous:
-        raise ValueError("the flags of the layer must be writeable and contiguous")
+    flags = layer.connected.copy()
     limits = np.array([connection.depth, connection.normal, connection.sphericity], np.float32)
     edges = np.zeros(layer.shape, np.uint8)
     closed = np.empty(layer.shape, np.uint8)
@@ -42,3 +40,4 @@ def mark_connected(layer: OrthoLayer, connection: Connection = Connection()) -> 
     connect.join(depth, normal, DECODED, limits, 1.0 / DEPTH_STEPS_PER_PIXEL, edges)
     connect.close(edges, connect.CLOSURES, closed)
     connect.mark(closed, connection.neighbours, CONNECTED_BIT, flags)
+    layer.connected[...] = flags
