@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
-from tests.serve.small_world import PAGE, VALUES, filled
 
-from farfield.serve import batch
+from farfield.serve import batch, viewer_files
 from farfield.serve.app import create_app
 from farfield.serve.run import ServeOptions, serving
 from farfield.store import DirectoryStore, MemoryStore, Store
 from farfield.world.manifest import GridRecord, Manifest, encode_manifest
+from serve.small_world import PAGE, VALUES, filled
 
 
 @pytest.fixture
@@ -27,8 +27,10 @@ def client(world: Store) -> TestClient:
 
 
 @pytest.fixture
-def server(world: Store, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """URL of a server that has little patience."""
+def server(world: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """URL of a server that has little patience, and a page of two files."""
+    page = filled(DirectoryStore(tmp_path / "static"), PAGE)
+    monkeypatch.setattr(viewer_files, "STATIC", Path(page.location))
     monkeypatch.setattr(batch, "BODY_SECONDS", 1.5)
     with serving(world, ServeOptions(port=0, stall_seconds=1.5)) as url:
         yield url

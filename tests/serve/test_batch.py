@@ -6,10 +6,10 @@ import struct
 
 import pytest
 from starlette.testclient import TestClient
-from tests.serve.small_world import BIG, TILE, VALUES
 
 from farfield.serve import batch
 from farfield.store import Store
+from serve.small_world import BIG, TILE, VALUES
 
 INDEX = "index/3/-1/0/0-2222222222222222"
 

@@ -20,13 +20,13 @@ from urllib.parse import urlsplit
 
 import httpx2 as httpx
 import pytest
-from tests.serve.small_world import BIG, PAGE, TILE, VALUES, filled
 
 from farfield.errors import OptionError, ServeError
 from farfield.serve import viewer_files
 from farfield.serve.run import ServeOptions, bind, serve, serving
 from farfield.serve.throttle import BURST_SECONDS, TokenBucket
 from farfield.store import DirectoryStore, Store
+from serve.small_world import BIG, PAGE, TILE, VALUES
 
 
 def connect(url: str) -> socket.socket:
@@ -168,10 +168,8 @@ def test_an_address_that_is_not_ours(host: str) -> None:
 
 
 @pytest.fixture
-def static_server(world: Store, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[str]:
+def static_server(server: str, world: Store) -> Iterator[str]:
     """Python's own file server over the world's folder, the viewer installed in it."""
-    filled(DirectoryStore(tmp_path / "static"), PAGE)
-    monkeypatch.setattr(viewer_files, "STATIC", tmp_path / "static")
     assert viewer_files.install_viewer(world) == len(PAGE)
     assert viewer_files.install_viewer(world) == 0
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
-from tests.serve.small_world import BIG, MANIFEST, PAGE, PNG, TILE, VALUES
 
 from farfield.errors import StoreError
 from farfield.serve.app import create_app
 from farfield.store import MemoryStore, Store
+from serve.small_world import BIG, MANIFEST, PAGE, PNG, TILE, VALUES
 
 
 def test_what_has_a_hash_may_be_kept_for_ever(client: TestClient) -> None:
