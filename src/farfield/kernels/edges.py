@@ -10,8 +10,6 @@ Numba's cache does not see changes of an imported function: after an edit here, 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
@@ -25,15 +23,17 @@ BARELY_INSIDE = 2.0**-17
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _SCALE = np.float32(SUBSAMPLES)
+_SHIFT = 8
+_MIDDLE = SUBSAMPLES // 2
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def closes(dx, dy):  # type: ignore[no-untyped-def]
     """Whether an edge whose function grows along (dx, dy) owns the samples that lie on it."""
     return dx > 0 or (dx == 0 and dy > 0)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def bounding_samples(screen, ia, ib, ic, width, height):  # type: ignore[no-untyped-def]
     """(x0, x1, y0, y1, small): columns and rows (inclusive) a triangle may cover, none when x0 > x1 or y0 > y1."""
     ax = screen[ia, 0]
@@ -46,15 +46,15 @@ def bounding_samples(screen, ia, ib, ic, width, height):  # type: ignore[no-unty
     bottom = np.float32(height)
     if not (high_x > _ZERO and high_y > _ZERO and low_x < right and low_y < bottom):
         return 1, 0, 1, 0, False
-    x0 = np.int64(math.ceil(max(low_x, _ZERO) - _HALF))
-    y0 = np.int64(math.ceil(max(low_y, _ZERO) - _HALF))
-    x1 = min(np.int64(math.floor(min(high_x, right) - _HALF)), width - 1)
-    y1 = min(np.int64(math.floor(min(high_y, bottom) - _HALF)), height - 1)
+    x0 = (np.int64(max(low_x, _ZERO) * _SCALE) + (_MIDDLE - 1)) >> _SHIFT
+    y0 = (np.int64(max(low_y, _ZERO) * _SCALE) + (_MIDDLE - 1)) >> _SHIFT
+    x1 = min((np.int64(min(high_x, right) * _SCALE) - _MIDDLE) >> _SHIFT, width - 1)
+    y1 = min((np.int64(min(high_y, bottom) * _SCALE) - _MIDDLE) >> _SHIFT, height - 1)
     small = high_x - low_x <= np.float32(SMALL) and high_y - low_y <= np.float32(SMALL)
     return x0, x1, y0, y1, small
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def small_edges(ax, ay, bx, by, cx, cy, x0, y0):  # type: ignore[no-untyped-def]
     """Integer edge functions of a small triangle of positive area whose corners b, c are relative to a.
 
@@ -82,7 +82,7 @@ def small_edges(ax, ay, bx, by, cx, cy, x0, y0):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def row_span(e, step, least, first, last):  # type: ignore[no-untyped-def]
     """Part of columns first..last (inclusive) where e + step * column >= least; exact in spite of the division."""
     if step == 0.0:
@@ -92,13 +92,13 @@ def row_span(e, step, least, first, last):  # type: ignore[no-untyped-def]
         while first <= last and e + step * first < least:
             first += 1
     else:
-        last = np.int64(math.floor(max(min((least - e) / step + 1.0, float(last)), first - 1.0)))
+        last = np.int64(max(min((least - e) / step + 2.0, float(last) + 1.0), float(first))) - 1
         while last >= first and e + step * last < least:
             last -= 1
     return first, last
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def inside_span(bx, by, cx, cy, twice, ox, oy, count):  # type: ignore[no-untyped-def]
     """(first, last, eb, ec): columns inside a large triangle in the row whose column 0 is at (ox, oy) from corner a.
 
@@ -113,7 +113,7 @@ def inside_span(bx, by, cx, cy, twice, ox, oy, count):  # type: ignore[no-untype
     return first, last, eb, ec
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def corner_weights(ea, eb, ec, wa, wb, wc):  # type: ignore[no-untyped-def]
     """Perspective-correct weights (float32, sum 1) from edge functions and 1/w of the corners."""
     pa = np.float32(ea) * wa

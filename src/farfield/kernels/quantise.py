@@ -1,4 +1,4 @@
-"""Resolved pixels to the integers of a layer: lattice depth steps, sRGB, hemi-octahedral normals (spec/orthoview.md)."""
+"""Resolved pixels to the integers of a layer: lattice steps, sRGB, hemi-octahedral normals (spec/orthoview.md)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def normal_code(x, y, z):  # type: ignore[no-untyped-def]
-    """(a, b, length) of a mean normal in the frame (u, v, -w): codes 0..63 as `geometry.normals.encode`, and its length.
+    """(a, b, length) of a mean normal in the frame (u, v, -w), with codes 0..63 as `geometry.normals.encode` gives.
 
     What points away from the camera (shading normals at silhouettes) is moved onto the rim of the hemisphere.
     """
@@ -45,7 +45,7 @@ def quantise(  # type: ignore[no-untyped-def]
     """pixels (h, w, 9) float32 as left by `resolve` -> integer planes; all but depth are 0 where nothing is.
 
     depth: (h, w) int32 out: round(mean depth * depth_steps), -2^31 where nothing is.
-    color (h, w, 3), normal (h, w, 2), length, coverage, flags (h, w): uint8 out, as in OrthoLayer; flags holds bit 2 only.
+    color (h, w, 3), normal (h, w, 2), length, coverage, flags (h, w): uint8 out, as in OrthoLayer; flags has bit 2 only.
     """
     for row in range(pixels.shape[0]):
         for column in range(pixels.shape[1]):

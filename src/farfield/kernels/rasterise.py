@@ -27,11 +27,14 @@ def rasterise(screen, surface, materials, behind, depth, ids):  # type: ignore[n
     ids: (h, w) uint32 in and out; triangle index, NOTHING where nothing is yet.
     """
     limited = behind.shape[0] > 0
-    for number in range(surface.triangles.shape[0]):
+    triangles = surface.triangles
+    material_of = surface.materials
+    cutoff = materials.cutoff
+    for number in range(triangles.shape[0]):
         t = np.uintp(number)
-        ia = np.uintp(surface.triangles[t, 0])
-        ib = np.uintp(surface.triangles[t, 1])
-        ic = np.uintp(surface.triangles[t, 2])
+        ia = np.uintp(triangles[t, 0])
+        ib = np.uintp(triangles[t, 1])
+        ic = np.uintp(triangles[t, 2])
         x0, x1, y0, y1, small = bounding_samples(screen, ia, ib, ic, depth.shape[1], depth.shape[0])
         if x0 > x1 or y0 > y1:
             continue
@@ -53,8 +56,8 @@ def rasterise(screen, surface, materials, behind, depth, ids):  # type: ignore[n
         wa = screen[ia, 3]
         wb = screen[ib, 3]
         wc = screen[ic, 3]
-        material = surface.materials[t]
-        masked = materials.cutoff[material] >= 0
+        material = material_of[t]
+        masked = cutoff[material] >= 0
         tag = np.uint32(t)
         if small:
             area, eb_row, ec_row, right_b, right_c, down_b, down_c, bias_a, bias_b, bias_c = small_edges(
@@ -108,18 +111,19 @@ def rasterise(screen, surface, materials, behind, depth, ids):  # type: ignore[n
                             depth[row, column] = z
                             ids[row, column] = tag
                 continue
-            depth_row = depth[row, start : start + count]
-            id_row = ids[row, start : start + count]
             if limited:
-                limit_row = behind[row, start : start + count]
                 for j in range(count):
                     z = z0 + zx * np.float32(j)
-                    nearer = (z < depth_row[j]) & (z > limit_row[j])
-                    depth_row[j] = z if nearer else depth_row[j]
-                    id_row[j] = tag if nearer else id_row[j]
+                    column = start + j
+                    old = depth[row, column]
+                    nearer = (z < old) & (z > behind[row, column])
+                    depth[row, column] = z if nearer else old
+                    ids[row, column] = tag if nearer else ids[row, column]
             else:
                 for j in range(count):
                     z = z0 + zx * np.float32(j)
-                    nearer = z < depth_row[j]
-                    depth_row[j] = z if nearer else depth_row[j]
-                    id_row[j] = tag if nearer else id_row[j]
+                    column = start + j
+                    old = depth[row, column]
+                    nearer = z < old
+                    depth[row, column] = z if nearer else old
+                    ids[row, column] = tag if nearer else ids[row, column]

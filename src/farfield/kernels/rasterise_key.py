@@ -44,15 +44,15 @@ def _float_of(context, value):  # type: ignore[no-untyped-def]
     return types.float32(types.int32), generate
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def key_of(z, tag):  # type: ignore[no-untyped-def]
-    """int64 that orders like (z, tag); the integer of a negative float grows the wrong way and is mirrored (and -0 made 0)."""
+    """int64 that orders like (z, tag). Bits of negative floats order the wrong way and are mirrored; -0 is made 0."""
     bits = _bits(z + _ZERO)
     ordered = np.int32(bits ^ np.int32(np.int32(bits >> 31) & np.int32(0x7FFFFFFF)))
     return (np.int64(ordered) << 32) | tag
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def depth_of(key):  # type: ignore[no-untyped-def]
     """The z of a key."""
     ordered = np.int32(key >> 32)
@@ -68,12 +68,15 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
     keys: (h, w + LANES) int64 in and out, EMPTY where nothing is yet; the spare columns hold nothing of meaning.
     """
     limited = behind.shape[0] > 0
+    triangles = surface.triangles
+    material_of = surface.materials
+    cutoff = materials.cutoff
     width = keys.shape[1] - LANES
-    for number in range(surface.triangles.shape[0]):
+    for number in range(triangles.shape[0]):
         t = np.uintp(number)
-        ia = np.uintp(surface.triangles[t, 0])
-        ib = np.uintp(surface.triangles[t, 1])
-        ic = np.uintp(surface.triangles[t, 2])
+        ia = np.uintp(triangles[t, 0])
+        ib = np.uintp(triangles[t, 1])
+        ic = np.uintp(triangles[t, 2])
         x0, x1, y0, y1, small = bounding_samples(screen, ia, ib, ic, width, keys.shape[0])
         if x0 > x1 or y0 > y1:
             continue
@@ -95,8 +98,8 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
         wa = screen[ia, 3]
         wb = screen[ib, 3]
         wc = screen[ic, 3]
-        material = surface.materials[t]
-        masked = materials.cutoff[material] >= 0
+        material = material_of[t]
+        masked = cutoff[material] >= 0
         tag = np.int64(t)
         if small:
             area, eb_row, ec_row, right_b, right_c, down_b, down_c, bias_a, bias_b, bias_c = small_edges(
@@ -105,49 +108,61 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
             share = _ONE / np.float32(area)
             zb = (screen[ib, 2] - az) * share
             zc = (screen[ic, 2] - az) * share
+            if x1 - x0 < LANES and y1 - y0 < LANES and not masked:
+                # Edge functions of at most 8 x 8 samples are below 2^24, so exact in float32, eight at a time.
+                fb_row = np.float32(eb_row)
+                fc_row = np.float32(ec_row)
+                f_area = np.float32(area)
+                fb_right = np.float32(right_b)
+                fc_right = np.float32(right_c)
+                fa_bias = np.float32(bias_a)
+                fb_bias = np.float32(bias_b)
+                fc_bias = np.float32(bias_c)
+                start = np.uintp(x0)
+                for y in range(y0, y1 + 1):
+                    lanes = keys[np.uintp(y), start : start + np.uintp(LANES)]
+                    if limited:
+                        limits = behind[np.uintp(y), start : start + np.uintp(LANES)]
+                        for j in range(LANES):
+                            eb = fb_row + fb_right * np.float32(j)
+                            ec = fc_row + fc_right * np.float32(j)
+                            ea = f_area - eb - ec
+                            inside = min(min(ea + fa_bias, eb + fb_bias), ec + fc_bias) >= _ZERO
+                            z = az + (eb * zb + ec * zc)
+                            key = key_of(z, tag)
+                            old = lanes[j]
+                            lanes[j] = key if (inside & (key < old) & (z > limits[j])) else old
+                    else:
+                        for j in range(LANES):
+                            eb = fb_row + fb_right * np.float32(j)
+                            ec = fc_row + fc_right * np.float32(j)
+                            ea = f_area - eb - ec
+                            inside = min(min(ea + fa_bias, eb + fb_bias), ec + fc_bias) >= _ZERO
+                            key = key_of(az + (eb * zb + ec * zc), tag)
+                            old = lanes[j]
+                            lanes[j] = key if (inside & (key < old)) else old
+                    fb_row += np.float32(down_b)
+                    fc_row += np.float32(down_c)
+                continue
             for y in range(y0, y1 + 1):
                 row = np.uintp(y)
-                if masked:
-                    eb = eb_row
-                    ec = ec_row
-                    for x in range(x0, x1 + 1):
-                        ea = np.int32(area - eb - ec)
-                        if (np.int32(ea + bias_a) | np.int32(eb + bias_b) | np.int32(ec + bias_c)) >= 0:
-                            column = np.uintp(x)
-                            z = az + (np.float32(eb) * zb + np.float32(ec) * zc)
-                            key = key_of(z, tag)
-                            if key < keys[row, column] and not (limited and z <= behind[row, column]):
-                                a, b, c = corner_weights(ea, eb, ec, wa, wb, wc)
-                                if not is_hole(surface, materials, material, ia, ib, ic, a, b, c):
-                                    keys[row, column] = key
-                        eb = np.int32(eb + right_b)
-                        ec = np.int32(ec + right_c)
-                else:
-                    for x in range(x0, x1 + 1, LANES):
-                        start = np.uintp(x)
-                        lanes = keys[row, start : start + np.uintp(LANES)]
-                        eb0 = np.int32(eb_row + right_b * (x - x0))
-                        ec0 = np.int32(ec_row + right_c * (x - x0))
-                        if limited:
-                            limits = behind[row, start : start + np.uintp(LANES)]
-                            for j in range(LANES):
-                                eb = np.int32(eb0 + right_b * np.int32(j))
-                                ec = np.int32(ec0 + right_c * np.int32(j))
-                                ea = np.int32(area - eb - ec)
-                                inside = (np.int32(ea + bias_a) | np.int32(eb + bias_b) | np.int32(ec + bias_c)) >= 0
-                                z = az + (np.float32(eb) * zb + np.float32(ec) * zc)
-                                key = key_of(z, tag)
-                                old = lanes[j]
-                                lanes[j] = key if (inside & (key < old) & (z > limits[j])) else old
-                        else:
-                            for j in range(LANES):
-                                eb = np.int32(eb0 + right_b * np.int32(j))
-                                ec = np.int32(ec0 + right_c * np.int32(j))
-                                ea = np.int32(area - eb - ec)
-                                inside = (np.int32(ea + bias_a) | np.int32(eb + bias_b) | np.int32(ec + bias_c)) >= 0
-                                key = key_of(az + (np.float32(eb) * zb + np.float32(ec) * zc), tag)
-                                old = lanes[j]
-                                lanes[j] = key if (inside & (key < old)) else old
+                eb_ = eb_row
+                ec_ = ec_row
+                for x in range(x0, x1 + 1):
+                    ea_ = np.int32(area - eb_ - ec_)
+                    if (np.int32(ea_ + bias_a) | np.int32(eb_ + bias_b) | np.int32(ec_ + bias_c)) >= 0:
+                        column = np.uintp(x)
+                        z = az + (np.float32(eb_) * zb + np.float32(ec_) * zc)
+                        key = key_of(z, tag)
+                        if key < keys[row, column] and not (limited and z <= behind[row, column]):
+                            hole = False
+                            if masked:
+                                a, b, c = corner_weights(ea_, eb_, ec_, wa, wb, wc)
+                                hole = is_hole(surface, materials, material, ia, ib, ic, a, b, c)
+                            if not hole:
+                                keys[row, column] = key
+                    eb_ = np.int32(eb_ + right_b)
+                    ec_ = np.int32(ec_ + right_c)
                 eb_row = np.int32(eb_row + down_b)
                 ec_row = np.int32(ec_row + down_c)
             continue

@@ -24,7 +24,7 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def _shade(screen, surface, materials, toward, t, x, y, samples):  # type: ignore[no-untyped-def]
     """(depth, r, g, b, nx, ny, nz, unlit) of triangle t at screen position x, y: linear albedo, unit normal (world).
 

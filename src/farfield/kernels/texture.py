@@ -5,8 +5,6 @@ Numba's cache does not see changes of an imported function: after an edit here, 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
@@ -15,18 +13,26 @@ from farfield.geometry.color import LINEAR_OF_BYTE
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy", inline="never")
+@njit(nogil=True, error_model="numpy", forceinline=True)
+def fraction(value):  # type: ignore[no-untyped-def]
+    """value - floor(value), without a call to a library; 0 for what is not finite or too large to have a fraction."""
+    if not abs(value) < np.float32(1e9):
+        return np.float32(0.0)
+    part = value - np.float32(np.int64(value))
+    return part + np.float32(1.0) if part < np.float32(0.0) else part
+
+
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def texel_alpha(materials, texture, u, v):  # type: ignore[no-untyped-def]
     """Alpha 0..1 of the nearest texel of the full-resolution level: the unbiased estimate of cover at a point."""
     width = materials.size[texture, 0]
     height = materials.size[texture, 1]
-    # Clamping also catches NaN and infinite coordinates, whose conversion gives the smallest integer.
-    column = min(max(np.int64((u - math.floor(u)) * width), 0), width - 1)
-    row = min(max(np.int64((v - math.floor(v)) * height), 0), height - 1)
+    column = min(np.int64(fraction(u) * np.float32(width)), width - 1)
+    row = min(np.int64(fraction(v) * np.float32(height)), height - 1)
     return materials.pixels[materials.level[texture, 0] + row * width + column, 3] * np.float32(1.0 / 255.0)
 
 
-@njit(nogil=True, error_model="numpy", inline="never")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyped-def]
     """Linear (r, g, b) at u, v. footprint: squared length in full-resolution texels of what is averaged."""
     levels = materials.size[texture, 2]
@@ -36,14 +42,12 @@ def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyp
         level += 1
     width = max(materials.size[texture, 0] >> level, 1)
     height = max(materials.size[texture, 1] >> level, 1)
-    x = (u - math.floor(u)) * width - _HALF
-    y = (v - math.floor(v)) * height - _HALF
-    left = math.floor(x)
-    top = math.floor(y)
-    fx = np.float32(x - left)
-    fy = np.float32(y - top)
-    x0 = min(max(np.int64(left), -1), width - 1)
-    y0 = min(max(np.int64(top), -1), height - 1)
+    x = fraction(u) * np.float32(width) + _HALF
+    y = fraction(v) * np.float32(height) + _HALF
+    x0 = min(np.int64(x), width) - 1
+    y0 = min(np.int64(y), height) - 1
+    fx = x - np.float32(x0 + 1)
+    fy = y - np.float32(y0 + 1)
     x1 = x0 + 1 if x0 + 1 < width else 0
     y1 = y0 + 1 if y0 + 1 < height else 0
     x0 = x0 if x0 >= 0 else width - 1
@@ -57,13 +61,17 @@ def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyp
     w11 = fx * fy
     p = materials.pixels
     linear = LINEAR_OF_BYTE
-    r = w00 * linear[p[a + x0, 0]] + w10 * linear[p[a + x1, 0]] + w01 * linear[p[b + x0, 0]] + w11 * linear[p[b + x1, 0]]
-    g = w00 * linear[p[a + x0, 1]] + w10 * linear[p[a + x1, 1]] + w01 * linear[p[b + x0, 1]] + w11 * linear[p[b + x1, 1]]
-    c = w00 * linear[p[a + x0, 2]] + w10 * linear[p[a + x1, 2]] + w01 * linear[p[b + x0, 2]] + w11 * linear[p[b + x1, 2]]
-    return r, g, c
+    a0 = a + x0
+    a1 = a + x1
+    b0 = b + x0
+    b1 = b + x1
+    red = w00 * linear[p[a0, 0]] + w10 * linear[p[a1, 0]] + w01 * linear[p[b0, 0]] + w11 * linear[p[b1, 0]]
+    green = w00 * linear[p[a0, 1]] + w10 * linear[p[a1, 1]] + w01 * linear[p[b0, 1]] + w11 * linear[p[b1, 1]]
+    blue = w00 * linear[p[a0, 2]] + w10 * linear[p[a1, 2]] + w01 * linear[p[b0, 2]] + w11 * linear[p[b1, 2]]
+    return red, green, blue
 
 
-@njit(nogil=True, error_model="numpy", inline="never")
+@njit(nogil=True, error_model="numpy", forceinline=True)
 def is_hole(surface, materials, material, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
     """Whether an alpha-masked surface is cut out at weights a, b, c (summing to 1) of corners i, j, k."""
     alpha = materials.base_color[material, 3]

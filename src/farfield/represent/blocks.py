@@ -1,4 +1,4 @@
-"""Meshes sorted along a space-filling curve and split into blocks with boxes, so that a leaf reads only what it needs."""
+"""Meshes sorted along a space-filling curve, in blocks with boxes: a leaf reads only the blocks that touch it."""
 
 from __future__ import annotations
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import OptionError
 from farfield.geometry.directions import Direction
-from farfield.kernels.edges import SUBSAMPLES
+from farfield.kernels.project import lattice_bounds, project_orthographic
 from farfield.kernels.quantise import quantise
 from farfield.kernels.rasterise import rasterise
 from farfield.kernels.rasterise_key import EMPTY, LANES, rasterise_key, unpack_keys
@@ -74,13 +75,13 @@ def draw_leaf(
     if frame is None:
         return []
     drawn: list[OrthoLayer] = []
-    behind = np.empty((0, 0), dtype=np.float32)
+    behind: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
     for number in range(layers):
         depth, ids = _visible(frame, chunk, materials, behind, samples)
         wanted = number + 1 < layers
-        behind = _array("behind", (depth.shape[0], depth.shape[1] + LANES), np.float32) if wanted else behind[:0, :0]
-        pixels = _array("pixels", (frame.height, frame.width, PLANES), np.float32)
-        objects = _array("objects", (frame.height, frame.width), np.uint32)
+        behind = _floats("behind", (depth.shape[0], depth.shape[1] + LANES)) if wanted else behind[:0, :0]
+        pixels = _floats("pixels", (frame.height, frame.width, PLANES))
+        objects = _scratched("objects", (frame.height, frame.width), np.dtype(np.uint32))
         valid = resolve(
             frame.screen, chunk.surface, materials.arrays, frame.axes, samples, SEPARATION, depth, ids, behind, pixels,
             objects,
@@ -92,30 +93,31 @@ def draw_leaf(
 
 
 def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples: int) -> _Frame | None:
-    """Corners on the lattice. Offsets of the cell in float64: single precision would lose pixels far from the corner."""
+    """Corners on the lattice, in float64: far from the grid's corner single precision cannot tell pixels apart."""
     pitch = grid.pitch(key.level)
-    axes = direction.axes
     lower = np.array(key[1:], dtype=np.float64) * (grid.cell_size(key.level) / pitch)
-    place = chunk.positions.astype(np.float64) @ (axes.T / pitch) + axes @ lower
-    first, last = np.floor(place.min(0)), np.ceil(place.max(0))
-    if not np.isfinite(place).all() or (last[:2] == first[:2]).any():
+    matrix = np.concatenate([direction.axes / pitch, (direction.axes @ lower)[:, None]], axis=1)
+    bounds = np.empty((2, 3))
+    lattice_bounds(chunk.positions, matrix, bounds)
+    if not np.isfinite(bounds).all():
+        raise OptionError("a corner is not finite", str(key))
+    first = np.floor(bounds[0])
+    width, height, _ = (int(v) for v in np.ceil(bounds[1]) - first)
+    if width == 0 or height == 0:
         return None
-    screen = np.empty((len(place), 4), dtype=np.float32)
-    grain = samples * SUBSAMPLES
-    screen[:, :2] = np.rint((place[:, :2] - first[:2]) * grain) / SUBSAMPLES
-    screen[:, 2] = place[:, 2] - first[2]
-    screen[:, 3] = 1.0
+    screen = np.empty((len(chunk.positions), 4), dtype=np.float32)
+    project_orthographic(chunk.positions, matrix, first, samples, screen)
     x, y, depth = (int(v) for v in first)
-    return _Frame(x, y, int(last[0]) - x, int(last[1]) - y, depth, screen, np.ascontiguousarray(axes, dtype=np.float32))
+    return _Frame(x, y, width, height, depth, screen, direction.axes.astype(np.float32))
 
 
 def _visible(
     frame: _Frame, chunk: Chunk, materials: MaterialTable, behind: NDArray[np.float32], samples: int
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     shape = (frame.height * samples, frame.width * samples)
-    depth, ids = _array("depth", shape, np.float32), _array("ids", shape, np.uint32)
+    depth, ids = _floats("depth", shape), _scratched("ids", shape, np.dtype(np.uint32))
     if shape[0] * shape[1] < KEY_BELOW * len(chunk.triangles):
-        keys = _array("keys", (shape[0], shape[1] + LANES), np.int64)
+        keys = _scratched("keys", (shape[0], shape[1] + LANES), np.dtype(np.int64))
         keys.fill(EMPTY)
         rasterise_key(frame.screen, chunk.surface, materials.arrays, behind, keys)
         unpack_keys(keys, depth, ids)
@@ -151,10 +153,14 @@ def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint3
     )
 
 
-def _array(name: str, shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[np.generic]:
+def _floats(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    return _scratched(name, shape, np.dtype(np.float32))
+
+
+def _scratched(name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
     """A scratch array of this thread, contents undefined: fresh pages for every view would cost 5 ms of faults."""
     count = int(np.prod(shape))
-    held = getattr(_scratch, name, None)
+    held: NDArray[Any] | None = getattr(_scratch, name, None)
     if held is None or held.size < count:
         held = np.empty(count, dtype=dtype)
         setattr(_scratch, name, held)
