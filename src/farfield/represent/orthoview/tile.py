@@ -44,6 +44,8 @@ def encode_tile(layer: OrthoLayer, direction: int, index: int, level: int, prese
     height, width = layer.shape
     valid = layer.valid
     count = int(np.count_nonzero(valid))
+    if count == 0:
+        raise ValueError("a layer without any valid pixel makes no tile")
     header = TileHeader(direction, index, level, layer.x, layer.y, width, height, layer.depth_base, count)
     planes = [
         _depth_plane(layer, valid, count),
