@@ -10,7 +10,9 @@ vec3 linearFromSrgb(vec3 c) {
 // cosine: n . sun of the mean normal's direction; len: its length, 1 for a flat surface.
 float lambert(float cosine, float len) {
     float mu = len * cosine;
-    return 0.5 * (mu + sqrt(mu * mu + 0.25 * (1.0 - len * len)));
+    if (len <= 0.5) return 0.25 + 0.5 * mu;
+    float spread = (1.0 - len) * (0.36 + 0.28 * len);
+    return 0.5 * (mu + sqrt(mu * mu + spread * max(0.0, 1.0 - cosine * cosine)));
 }
 
 vec3 lit(vec3 albedo, float cosine, float len) {
