@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from farfield.geometry.color import linear_from_srgb
@@ -51,17 +50,6 @@ class Light:
         """(3, 3) float32 rows for kernels: sun vector, ambient radiance, sun radiance."""
         ambient = self.ambient * np.array(self.ambient_color)
         return np.stack([self.sun, ambient, self.sun_strength * np.array(self.sun_color)]).astype(np.float32)
-
-
-@njit("float32(float32, float32)", cache=True, nogil=True, error_model="numpy")
-def lambert_scalar(mu, length):  # type: ignore[no-untyped-def]
-    """`lambert` for kernels: mu = m . sun of the mean normal m, length = |m|."""
-    if length <= np.float32(0.5):
-        return np.float32(0.25) + np.float32(0.5) * mu
-    cosine = mu / length
-    spread = (np.float32(1.0) - length) * (np.float32(0.36) + np.float32(0.28) * length)
-    sine2 = max(np.float32(0.0), np.float32(1.0) - cosine * cosine)
-    return np.float32(0.5) * (mu + math.sqrt(mu * mu + max(np.float32(0.0), spread) * sine2))
 
 
 def lambert(normals: NDArray[np.floating], light: Light) -> NDArray[np.float64]:
