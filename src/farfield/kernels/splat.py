@@ -59,6 +59,16 @@ def _lattice_hash(row_hash, column):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
+def _lambert(cosine, length):  # type: ignore[no-untyped-def]
+    """Mean of max(0, cos) to the sun over normals whose mean has this direction's cosine and this length."""
+    mu = length * cosine
+    if length <= _HALF:
+        return _QUARTER + _HALF * mu
+    spread = (_F1 - length) * (np.float32(0.36) + np.float32(0.28) * length)
+    return _HALF * (mu + math.sqrt(mu * mu + spread * max(_F0, _F1 - cosine * cosine)))
+
+
+@njit(inline="always")
 def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
     """World normal in ten bits an axis, 0..1022 for -1..1, x lowest."""
     packed = np.uint32(0)
@@ -164,8 +174,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             drawn += 1
 
             mean = _LENGTH[length[j, i]]
-            mu = mean * (nu * placement[SUN, 0] + nv * placement[SUN, 1] + nw * placement[SUN, 2])
-            light = _HALF * (mu + math.sqrt(mu * mu + _QUARTER * (_F1 - mean * mean)))
+            cosine = nu * placement[SUN, 0] + nv * placement[SUN, 1] + nw * placement[SUN, 2]
+            light = _lambert(cosine, mean)
             byte = np.uint32(UNLIT_LIGHT) if flags[j, i] & 2 else np.uint32(light * _STEPS + _HALF)
             surface = np.uint32(
                 np.uint32(color[j, i, 0]) | (np.uint32(color[j, i, 1]) << np.uint32(8))
