@@ -18,24 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import from_dtype, njit, types
 
-CANDIDATE = np.dtype(
-    [
-        ("depth", np.int32),
-        ("objects", np.uint32),
-        ("normal", np.uint16),
-        ("r", np.uint8),
-        ("g", np.uint8),
-        ("b", np.uint8),
-        ("length", np.uint8),
-        ("coverage", np.uint8),
-        ("unlit", np.uint8),
-        ("column", np.uint8),
-        ("cell", np.uint8),
-        ("layer", np.uint8),
-    ],
-    align=True,
-)
-"""One child pixel: depth in child steps of the grid, normal = a * 64 + b, column = which of the 4 pixels of a block."""
+from farfield.kernels.gather import CANDIDATES, HEADS
 
 SURFACE = np.dtype(
     [
@@ -54,76 +37,37 @@ SURFACE = np.dtype(
 )
 """One parent pixel: depth in parent steps of the grid; coverage 0 = nothing there."""
 
-PLACE = np.dtype([("x", np.int64), ("y", np.int64), ("depth_base", np.int64), ("cell", np.int64), ("layer", np.int64)])
-"""A child layer: lattice column and row of its first pixel *from the first child pixel of the band*; which it is."""
+_PLACE_BITS = 0xFFFFFFFF
+"""The lower half of a key: which candidate."""
 
-_U8 = types.Array(types.uint8, 2, "C", readonly=True)
-_U8x3 = types.Array(types.uint8, 3, "C", readonly=True)
-_U16 = types.Array(types.uint16, 2, "C", readonly=True)
-_U32 = types.Array(types.uint32, 2, "C", readonly=True)
 _F32 = types.Array(types.float32, 1, "C", readonly=True)
 _F32x2 = types.Array(types.float32, 2, "C", readonly=True)
 _THRESHOLDS = types.Array(types.int64, 2, "C", readonly=True)
 _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
-_CANDIDATES = from_dtype(CANDIDATE)[:, :, ::1]
-_COUNTS = types.int32[:, ::1]
 
 
-@njit(
-    types.void(_U16, _U8x3, _U8x3, _U8, _U8, _U8, _U32, from_dtype(PLACE)[::1], _CANDIDATES, _COUNTS),
-    cache=True, nogil=True, boundscheck=False,
-)  # fmt: skip
-def gather(depth, color, normal, length, coverage, connected, objects, place, candidates, counts):  # type: ignore[no-untyped-def]
-    """Append the valid pixels of one child layer to the lists of their parent pixels.
+@njit(inline="always")
+def _order(candidates, head, keys):  # type: ignore[no-untyped-def]
+    """Fill the end of keys with depth * 2^32 + place, ascending; returns where they start.
 
-    depth .. connected: arrays of an OrthoLayer, (h, w); objects may be (0, 0). place: (1,) PLACE.
-    candidates: (rows, columns, capacity) CANDIDATE of a band of parent pixels, with room for 4 pixels of every layer;
-    counts: (rows, columns) int32. Both grow.
+    So they are sorted by depth, equal depths in order of arrival. Lists run from the last arrival to the first, which
+    is mostly from far to near: filled from the end, there is little to move.
     """
-    x0 = place[0].x
-    y0 = place[0].y
-    cell = place[0].cell
-    layer = place[0].layer
-    base = place[0].depth_base
-    keeps = objects.size > 0
-    for y in range(max(0, -y0), min(depth.shape[0], 2 * counts.shape[0] - y0)):
-        j = (y0 + y) >> 1
-        row_bit = ((y0 + y) & 1) << 1
-        for x in range(depth.shape[1]):
-            if depth[y, x] == 0:
-                continue
-            i = (x0 + x) >> 1
-            n = counts[j, i]
-            counts[j, i] = n + 1
-            c = candidates[j, i, n]
-            c.depth = base + depth[y, x]
-            c.objects = objects[y, x] if keeps else 0
-            c.normal = (types.uint16(normal[y, x, 0]) << 6) | normal[y, x, 1]
-            c.r = color[y, x, 0]
-            c.g = color[y, x, 1]
-            c.b = color[y, x, 2]
-            c.length = length[y, x]
-            c.coverage = coverage[y, x]
-            c.unlit = (connected[y, x] >> 1) & 1
-            c.column = row_bit | ((x0 + x) & 1)
-            c.cell = cell
-            c.layer = layer
-
-
-@njit(inline="always")
-def _order(candidates, j, i, n, keys):  # type: ignore[no-untyped-def]
-    """keys[:n]: depth * 2^16 + place in the list, ascending: by depth, equal depths in order of children."""
-    for k in range(n):
-        key = (types.int64(candidates[j, i, k].depth) << 16) | k
-        m = k
-        while m > 0 and keys[m - 1] > key:
-            keys[m] = keys[m - 1]
-            m -= 1
+    start = keys.shape[0]
+    while head >= 0:
+        key = (types.int64(candidates[head].depth) << 32) | head
+        start -= 1
+        m = start
+        while m + 1 < keys.shape[0] and keys[m + 1] < key:
+            keys[m] = keys[m + 1]
+            m += 1
         keys[m] = key
+        head = candidates[head].following
+    return start
 
 
 @njit(inline="always")
-def _weigh(candidates, j, i, keys, first, last, weights):  # type: ignore[no-untyped-def]
+def _weigh(candidates, keys, first, last, weights):  # type: ignore[no-untyped-def]
     """Weights of the sorted candidates first..last - 1, in 1/256 of a child pixel; returns their sum.
 
     Within a cell the layers are independent: the second one is seen through what the first leaves open. Cells are
@@ -132,13 +76,14 @@ def _weigh(candidates, j, i, keys, first, last, weights):  # type: ignore[no-unt
     left0 = left1 = left2 = left3 = 256
     total = 0
     for k in range(first, last):
-        c = candidates[j, i, keys[k] & 0xFFFF]
+        c = candidates[keys[k] & _PLACE_BITS]
         weight = types.int64(c.coverage) << 4
         if c.layer > 0:
             for m in range(first, last):
-                front = candidates[j, i, keys[m] & 0xFFFF]
+                front = candidates[keys[m] & _PLACE_BITS]
                 if front.layer == 0 and front.cell == c.cell and front.column == c.column:
                     weight = types.int64(c.coverage) * (16 - types.int64(front.coverage))
+                    break
         if c.column == 0:
             weight = min(weight, left0)
             left0 -= weight
@@ -157,9 +102,9 @@ def _weigh(candidates, j, i, keys, first, last, weights):  # type: ignore[no-unt
 
 
 @njit(inline="always")
-def _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, bytes_of, out):  # type: ignore[no-untyped-def]
+def _mean(candidates, keys, first, last, weights, total, vectors, linear, bytes_of, out):  # type: ignore[no-untyped-def]
     """Weighted means of the sorted candidates first..last - 1 into one SURFACE."""
-    nearest = candidates[j, i, keys[first] & 0xFFFF]
+    nearest = candidates[keys[first] & _PLACE_BITS]
     depth = types.int64(0)
     unlit = types.int64(0)
     r = g = b = 0.0
@@ -168,7 +113,7 @@ def _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, 
         weight = weights[k]
         if weight == 0:
             continue
-        c = candidates[j, i, keys[k] & 0xFFFF]
+        c = candidates[keys[k] & _PLACE_BITS]
         depth += weight * (types.int64(c.depth) - nearest.depth)
         unlit += weight * c.unlit
         r += weight * types.float64(linear[c.r])
@@ -197,22 +142,23 @@ def _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, 
 
 
 @njit(inline="always")
-def _divide(candidates, j, i, keys, n, separation, layers):  # type: ignore[no-untyped-def]
-    """How many of the n sorted candidates belong to the first surface.
+def _divide(keys, start, separation, layers):  # type: ignore[no-untyped-def]
+    """Where in the sorted keys, which begin at start, the first surface ends.
 
-    All when they are near together. With one layer, those near the nearest. With two, those before the largest gap.
+    At the end when all are near together. With one layer, after those near the nearest. With two, at the largest gap.
     """
-    limit = (keys[0] >> 16) + separation
-    if (keys[n - 1] >> 16) <= limit:
-        return n
-    last = 1
+    end = keys.shape[0]
+    limit = (keys[start] >> 32) + separation
+    if (keys[end - 1] >> 32) <= limit:
+        return end
+    last = start + 1
     if layers == 1:
-        while (keys[last] >> 16) <= limit:
+        while (keys[last] >> 32) <= limit:
             last += 1
         return last
-    widest = (keys[1] >> 16) - (keys[0] >> 16)
-    for k in range(2, n):
-        gap = (keys[k] >> 16) - (keys[k - 1] >> 16)
+    widest = (keys[last] >> 32) - (keys[start] >> 32)
+    for k in range(start + 2, end):
+        gap = (keys[k] >> 32) - (keys[k - 1] >> 32)
         if gap > widest:
             widest = gap
             last = k
@@ -220,38 +166,101 @@ def _divide(candidates, j, i, keys, n, separation, layers):  # type: ignore[no-u
 
 
 @njit(
-    types.void(_CANDIDATES, _COUNTS, types.int64, _THRESHOLDS, _F32x2, _F32, _BYTES, from_dtype(SURFACE)[:, :, ::1]),
+    types.void(
+        CANDIDATES, HEADS, types.int64, types.int64, _THRESHOLDS, _F32x2, _F32, _BYTES,
+        from_dtype(SURFACE)[:, :, ::1],
+    ),
     cache=True, nogil=True, boundscheck=False,
 )  # fmt: skip
-def resolve(candidates, counts, separation, thresholds, vectors, linear, bytes_of, surfaces):  # type: ignore[no-untyped-def]
+def resolve(  # type: ignore[no-untyped-def]
+    candidates, heads, longest, separation, thresholds, vectors, linear, bytes_of, surfaces
+):
     """The one or two surfaces of every parent pixel, averaged.
 
-    candidates, counts: as gather left them. separation: child depth steps within which all is one surface.
+    candidates, heads: as gather left them. longest: candidates that a pixel can have. separation: child depth steps
+    within which all is one surface.
     thresholds: (8, 8) int64, what to add to a coverage in 1/1024 before it is cut to sixteenths, by row and column
     modulo 8 counted from the first of the band.
     vectors: (4096, 3) float32, normals.DECODED; linear: (256,) float32, bytes_of: (4096,) uint8, tables of color.
     surfaces: (rows, columns, layers) SURFACE, coverage all 0, written where something is, the nearest first.
     """
     layers = surfaces.shape[2]
-    keys = np.empty(candidates.shape[2], np.int64)
-    weights = np.empty(candidates.shape[2], np.int64)
-    for j in range(counts.shape[0]):
-        for i in range(counts.shape[1]):
-            n = counts[j, i]
-            if n == 0:
+    keys = np.empty(longest, np.int64)
+    weights = np.empty(longest, np.int64)
+    for j in range(heads.shape[0]):
+        for i in range(heads.shape[1]):
+            if heads[j, i] < 0:
                 continue
-            _order(candidates, j, i, n, keys)
-            split = _divide(candidates, j, i, keys, n, separation, layers)
+            start = _order(candidates, heads[j, i], keys)
+            split = _divide(keys, start, separation, layers)
             made = 0
             for part in range(layers):
-                first = split if part else 0
-                last = n if part else split
+                first = split if part else start
+                last = longest if part else split
                 if first == last:
                     continue
-                total = _weigh(candidates, j, i, keys, first, last, weights)
+                total = _weigh(candidates, keys, first, last, weights)
                 coverage = (total + thresholds[j & 7, i & 7]) >> 6
                 if coverage > 0:
                     out = surfaces[j, i, made]
                     out.coverage = coverage
-                    _mean(candidates, j, i, keys, first, last, weights, total, vectors, linear, bytes_of, out)
+                    _mean(candidates, keys, first, last, weights, total, vectors, linear, bytes_of, out)
                     made += 1
+
+
+@njit(types.int64[::1](from_dtype(SURFACE)[:, :, ::1], types.int64), cache=True, nogil=True, boundscheck=False)
+def extent(surfaces, layer):  # type: ignore[no-untyped-def]
+    """(6,) int64: first row, last row, first column, last column, lowest depth, highest depth of what is there.
+
+    surfaces: (rows, columns, layers) SURFACE. The last row is -1 when nothing is there.
+    """
+    top = surfaces.shape[0]
+    bottom = right = -1
+    left = surfaces.shape[1]
+    lowest = types.int64(1 << 40)
+    highest = types.int64(-(1 << 40))
+    for j in range(surfaces.shape[0]):
+        for i in range(surfaces.shape[1]):
+            if surfaces[j, i, layer].coverage > 0:
+                depth = types.int64(surfaces[j, i, layer].depth)
+                top = min(top, j)
+                bottom = j
+                left = min(left, i)
+                right = max(right, i)
+                lowest = min(lowest, depth)
+                highest = max(highest, depth)
+    return np.array([top, bottom, left, right, lowest, highest])
+
+
+@njit(
+    types.void(
+        from_dtype(SURFACE)[:, :, ::1], types.int64, types.int64, types.int64, types.int64, types.uint16[:, ::1],
+        types.uint8[:, :, ::1], types.uint8[:, :, ::1], types.uint8[:, ::1], types.uint8[:, ::1], types.uint8[:, ::1],
+        types.uint32[:, ::1],
+    ),
+    cache=True, nogil=True, boundscheck=False,
+)  # fmt: skip
+def separate(  # type: ignore[no-untyped-def]
+    surfaces, layer, top, left, base, depth, color, normal, length, coverage, connected, objects
+):
+    """One layer of surfaces as the arrays of an OrthoLayer, (h, w), all 0 before; objects may be (0, 0).
+
+    top, left: row and column of surfaces that the arrays begin at. base: parent depth steps of code 0.
+    """
+    keeps = objects.size > 0
+    for j in range(depth.shape[0]):
+        for i in range(depth.shape[1]):
+            s = surfaces[top + j, left + i, layer]
+            if s.coverage == 0:
+                continue
+            depth[j, i] = s.depth - base
+            color[j, i, 0] = s.r
+            color[j, i, 1] = s.g
+            color[j, i, 2] = s.b
+            normal[j, i, 0] = s.normal0
+            normal[j, i, 1] = s.normal1
+            length[j, i] = s.length
+            coverage[j, i] = s.coverage
+            connected[j, i] = s.unlit << 1
+            if keeps:
+                objects[j, i] = s.objects
