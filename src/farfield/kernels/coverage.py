@@ -148,3 +148,34 @@ def greedy_cover(nearest, quality, tolerance, chosen):  # type: ignore[no-untype
             for q in range(size):
                 best[p, q] = max(best[p, q], quality[winner, p, q])
     return chosen.size
+
+
+@njit(
+    types.int64(_F32, _U16, _F32, types.float32, types.float32, types.float32, types.uint64, types.uint64[::1]),
+    cache=True, nogil=True, error_model="numpy",
+)  # fmt: skip
+def mark_seen(samples, depth, frame, pitch, tolerance, cosine, bit, seen):  # type: ignore[no-untyped-def]
+    """Sets `bit` of every sample that a view sees squarely enough; returns how many.
+
+    samples: (n, 8) float32, see sample_layer. depth: (h, w) uint16 codes of the view's first layer. frame: (4, 3)
+    float32 of the view, see sample_layer. pitch: metres. tolerance: metres that a sample may lie from the view's
+    surface. cosine: least cosine between the sample's normal and the direction to the view's camera. seen: (n,) uint64.
+    """
+    rows, columns = depth.shape
+    count = 0
+    for k in range(samples.shape[0]):
+        u, v, w, squarely = _F0, _F0, _F0, _F0
+        for axis in range(3):
+            u += samples[k, axis] * frame[1, axis]
+            v += samples[k, axis] * frame[2, axis]
+            w += samples[k, axis] * frame[3, axis]
+            squarely -= samples[k, 3 + axis] * frame[3, axis]
+        if squarely < cosine:
+            continue
+        i, j = math.floor((u - frame[0, 0]) / pitch), math.floor((v - frame[0, 1]) / pitch)
+        if i < 0 or j < 0 or i >= columns or j >= rows or depth[j, i] == 0:
+            continue
+        if abs(w - frame[0, 2] - np.float32(depth[j, i]) * pitch * np.float32(0.125)) <= tolerance:
+            seen[k] |= bit
+            count += 1
+    return count
