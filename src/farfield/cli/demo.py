@@ -6,7 +6,7 @@ from pathlib import Path
 
 from farfield.cli.options import BandwidthOption, HostOption, JsonOption, OpenedOption, PortOption
 from farfield.cli.progress import shown_progress
-from farfield.cli.serving import ServeRequest, cache_folder, is_world_of_this_version, serve_world
+from farfield.cli.serving import ServeRequest, cache_folder, is_world, serve_world
 
 SCENE = Path(__file__).parent.parent / "demo" / "scene.toml"
 """The bundled scene; what it is made of, by whom, stands beside it."""
@@ -23,8 +23,8 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Bake the bundled scene (the first time), serve it and open the browser."""
-    place = cache_folder() / "demo"
-    if not is_world_of_this_version(place):
+    place = cache_folder() / f"demo-{_fingerprint()}"
+    if not is_world(place):
         _bake(place)
     serve_world(place, ServeRequest(host, port, bandwidth, open_browser, as_json))
 
@@ -35,3 +35,16 @@ def _bake(place: Path) -> None:
 
     with shown_progress() as progress:
         bake_sources([SCENE], place, BakeOptions(resolution=RESOLUTION), progress)
+
+
+def _fingerprint() -> str:
+    """Of everything that decides what the demo looks like: after a change it is baked anew, to another place."""
+    from hashlib import blake2b
+
+    from farfield.bake.options import BAKE_VERSION
+
+    digest = blake2b(f"{BAKE_VERSION} {RESOLUTION}".encode(), digest_size=6)
+    for path in sorted(SCENE.parent.iterdir()):
+        if path.is_file():
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
