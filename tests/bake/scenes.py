@@ -28,7 +28,9 @@ def quad_mesh(corners: NDArray[np.float64], material: Material) -> Mesh:
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     first = np.arange(q, dtype=np.uint32)[:, None] * 4
-    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], 1).reshape(-1, 3).astype(np.uint32)
+    triangles = (
+        np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], 1).reshape(-1, 3).astype(np.uint32)
+    )
     return Mesh(
         positions=corners.reshape(-1, 3),
         triangles=triangles,

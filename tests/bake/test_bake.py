@@ -121,12 +121,19 @@ def test_baking_again_builds_nothing(baked: MemoryStore) -> None:
     bake(village(), MemoryStore(), SMALL)
 
 
-def test_negative_indices_and_flat_axes() -> None:
+def test_flat_worlds_have_flat_upper_cells() -> None:
+    result = bake(scene_of((ground(-30.0, 30.0), [(0.0, 0.0, 0.0)])), MemoryStore(), replace(SMALL, directions="5"))
+    assert result.manifest.grid.axis_levels == (4, 4, 0)
+
+
+def test_a_given_corner_inside_the_scene_gives_several_roots() -> None:
     store = MemoryStore()
-    result = bake(scene_of((ground(-30.0, 30.0), [(0.0, 0.0, 0.0)])), store, replace(SMALL, directions="5"))
-    levels = result.manifest.grid.axis_levels
-    assert levels[2] == 0
-    assert levels[0] == levels[1] == 4
+    options = replace(SMALL, directions="5", corner=(0.5, 1.0, -0.25))
+    bake(scene_of((ground(-9.0, 9.0), [(0.0, 0.0, 0.0)])), store, options)
+    world = World.open(store)
+    assert [key[1:] for key in world.roots] == [(-1, -1, 0), (-1, 0, 0), (0, -1, 0), (0, 0, 0)]
+    leaves = [entry.cell for entry in world.cells() if entry.cell.level == 0]
+    assert min(key.x for key in leaves) == -3
 
 
 def test_a_mesh_that_cannot_be_read_is_left_out() -> None:

@@ -63,7 +63,7 @@ def bake(
     for warning in scene.warnings:
         progress.note(warning)
     summaries = survey(scene, MeshCache(scene), progress)
-    plan = make_plan(scene, summaries, options.leaf_size, options.resolution)
+    plan = make_plan(scene, summaries, options)
     grid = plan.grid
     progress.note(
         f"leaf size {grid.leaf_size:g} m, resolution {grid.resolution} px, "

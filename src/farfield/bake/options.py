@@ -30,6 +30,8 @@ class BakeOptions:
     """Preset of the codec: compact, normal, high."""
     samples: int = 2
     """Samples of a leaf pixel along each axis."""
+    corner: tuple[float, float, float] | None = None
+    """Lower corner of cell 0/0/0/0, local metres, for a grid that is given; None: just below the scene."""
     workers: int = 0
     """Worker processes; 0: one for each processor."""
     geometry: bool = True

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.bake.options import BakeOptions
 from farfield.bake.survey import MeshSummary
 from farfield.errors import InputError
 from farfield.octree.grid import CellKey, Grid, axis_levels_of
@@ -53,16 +54,19 @@ class Plan:
         return self.instance[rows], self.block[rows]
 
 
-def make_plan(scene: Scene, summaries: list[MeshSummary], leaf_size: float | None, resolution: int) -> Plan:
-    """Sorts the scene into leaves. Raises InputError when its extent and the leaf size do not fit together."""
+def make_plan(scene: Scene, summaries: list[MeshSummary], options: BakeOptions) -> Plan:
+    """Sorts the scene into leaves of the chosen grid.
+
+    Raises InputError when its extent and the leaf size do not fit together.
+    """
     bounds = scene_bounds(scene, summaries)
-    size = default_leaf_size(scene, summaries, bounds) if leaf_size is None else leaf_size
+    size = options.leaf_size or default_leaf_size(scene, summaries, bounds)
     reach = float((bounds[1] - bounds[0]).max()) / size
     if not np.isfinite(reach) or reach > LARGEST_WORLD:
         raise InputError(
             f"the scene is {reach:.3g} leaves wide", "", "check its coordinates, or give a larger --leaf-size"
         )
-    corner = np.floor(bounds[0] / size * _PAD - 1) * size / _PAD
+    corner = _corner_below(bounds, size) if options.corner is None else np.array(options.corner)
     leaf, instance, block = _rows(scene, summaries, corner, size)
     order = np.lexsort((block, instance, leaf[:, 2], leaf[:, 1], leaf[:, 0]))
     leaf = leaf[order]
@@ -71,7 +75,7 @@ def make_plan(scene: Scene, summaries: list[MeshSummary], leaf_size: float | Non
     start = np.append(np.flatnonzero(first), len(leaf))
     levels = axis_levels_of(leaf.min(0), leaf.max(0))
     x, y, z = (float(c) for c in corner)
-    grid = Grid(float(size), resolution, (x, y, z), levels)
+    grid = Grid(float(size), options.resolution, (x, y, z), levels)
     return Plan(grid, leaf[first], start, instance[order], block[order], bounds)
 
 
@@ -100,8 +104,12 @@ def default_leaf_size(scene: Scene, summaries: list[MeshSummary], bounds: NDArra
     return 2.0**exponent
 
 
+def _corner_below(bounds: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    return np.asarray(np.floor(bounds[0] / size * _PAD - 1) * size / _PAD)
+
+
 def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], size: float, most: int) -> int:
-    corner = np.floor(bounds[0] / size * _PAD - 1) * size / _PAD
+    corner = _corner_below(bounds, size)
     found: set[int] = set()
     for _, boxes in _placed_boxes(scene.instances, summaries):
         lower, upper = _leaf_range(boxes.reshape(-1, 2, 3), corner, size)
@@ -139,7 +147,7 @@ def _leaf_range(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     lower = np.floor((boxes[:, 0] - corner) / size - _SLACK).astype(np.int64)
     upper = np.floor((boxes[:, 1] - corner) / size + _SLACK).astype(np.int64)
-    return np.maximum(lower, 0), np.maximum(upper, 0)
+    return lower, upper
 
 
 def _expand(lower: NDArray[np.int64], upper: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
