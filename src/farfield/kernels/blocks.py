@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from farfield.kernels.compiling import kernel
 from farfield.kernels.surface import F32_2, F64_2, I64_1, U32_1, U32_2
 
 
-@njit(
-    types.int64(U32_2, types.int64, types.int64, U32_2, U32_1, I64_1), cache=True, nogil=True, error_model="numpy"
-)  # fmt: skip
+@kernel(types.int64(U32_2, types.int64, types.int64, U32_2, U32_1, I64_1), allocates=True)
 def split_vertices(triangles, vertices, size, local, origin, start):  # type: ignore[no-untyped-def]
     """Gives every block of `size` consecutive triangles its own vertices, numbered by first use.
 
@@ -36,12 +35,7 @@ def split_vertices(triangles, vertices, size, local, origin, start):  # type: ig
     return count
 
 
-@njit(
-    types.void(I64_1, I64_1, types.int64, F64_2, F32_2, U32_2, F64_2, F64_2, F64_2, F32_2, U32_2, I64_1, I64_1),
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)
+@kernel(types.void(I64_1, I64_1, types.int64, F64_2, F32_2, U32_2, F64_2, F64_2, F64_2, F32_2, U32_2, I64_1, I64_1))
 def place_blocks(  # type: ignore[no-untyped-def]
     blocks, start, size, positions, normals, local, matrix, normal_matrix,
     out_positions, out_normals, out_triangles, out_vertex, out_triangle,

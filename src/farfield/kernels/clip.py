@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from farfield.kernels.compiling import device, kernel
 from farfield.kernels.surface import F64_2, F64_3, I32_1, I32_2, I64_1, U32_2
 
 STEPS = 65536
@@ -23,13 +24,13 @@ CORNERS = 10
 """Most corners of a triangle cut by six planes, and one to spare."""
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def fixed(value, scale):  # type: ignore[no-untyped-def]
     """Metres from the grid's corner -> int64 steps, rounded to nearest; scale = STEPS / leaf size."""
     return np.int64(math.floor(value * scale + 0.5))
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _cell_range(polygon, count, axis, scale, first, last):  # type: ignore[no-untyped-def]
     """Cells (inclusive) that a polygon reaches along an axis, within first..last."""
     low = fixed(polygon[0, axis], scale)
@@ -42,7 +43,7 @@ def _cell_range(polygon, count, axis, scale, first, last):  # type: ignore[no-un
     return max(low >> SHIFT, first), min(upper, last)
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _before(polygon, i, j):  # type: ignore[no-untyped-def]
     for axis in range(3):
         if polygon[i, axis] != polygon[j, axis]:
@@ -50,7 +51,7 @@ def _before(polygon, i, j):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _cut(source, count, axis, plane, side, leaf_size, scale, target):  # type: ignore[no-untyped-def]
     """Keeps the part of a polygon above (side 1) or below (side -1) a cell plane; returns its number of corners.
 
@@ -87,7 +88,7 @@ def _cut(source, count, axis, plane, side, leaf_size, scale, target):  # type: i
     return kept
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _slab(source, count, axis, cell, leaf_size, scale, between, target):  # type: ignore[no-untyped-def]
     """The part of a polygon in one cell's range along an axis."""
     count = _cut(source, count, axis, cell, 1, leaf_size, scale, between)
@@ -96,14 +97,14 @@ def _slab(source, count, axis, cell, leaf_size, scale, between, target):  # type
     return _cut(between, count, axis, cell + 1, -1, leaf_size, scale, target)
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _has_area(p, i, j):  # type: ignore[no-untyped-def]
     ux, uy, uz = p[i, 0] - p[0, 0], p[i, 1] - p[0, 1], p[i, 2] - p[0, 2]
     vx, vy, vz = p[j, 0] - p[0, 0], p[j, 1] - p[0, 1], p[j, 2] - p[0, 2]
     return uy * vz != uz * vy or uz * vx != ux * vz or ux * vy != uy * vx
 
 
-@njit(nogil=True, error_model="numpy")
+@device
 def _contained(triangle, scale):  # type: ignore[no-untyped-def]
     """Whether a triangle lies in one cell."""
     huge = np.int64(1) << 40
@@ -114,14 +115,10 @@ def _contained(triangle, scale):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(
-    types.UniTuple(types.int64, 2)(
-        F64_2, U32_2, types.float64, I64_1, I64_1, I32_1, I32_2, I32_1, F64_3, F64_3
-    ),
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)  # fmt: skip
+@kernel(
+    types.UniTuple(types.int64, 2)(F64_2, U32_2, types.float64, I64_1, I64_1, I32_1, I32_2, I32_1, F64_3, F64_3),
+    allocates=True,
+)
 def clip(  # type: ignore[no-untyped-def]
     positions, triangles, leaf_size, first, last, source, cell, piece, piece_positions, piece_weights
 ):

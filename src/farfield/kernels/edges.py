@@ -4,14 +4,13 @@ Corners lie on a grid of 1/256 sample, so that edge functions are exact: in 32-b
 64 samples wide, in float64 for larger ones (exact while corners are within 2^17 samples). A sample on an edge
 belongs to the triangle on the edge's right (below it, when the edge is horizontal): surfaces without cracks are drawn
 without cracks, and no sample of a shared edge is drawn twice.
-
-Numba's cache does not see changes of an imported function: after an edit here, touch the kernels that import it.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from farfield.kernels.compiling import device
 
 SUBSAMPLES = 256
 """Steps of the corner grid per sample."""
@@ -27,13 +26,13 @@ _SHIFT = 8
 _MIDDLE = SUBSAMPLES // 2
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def closes(dx, dy):  # type: ignore[no-untyped-def]
     """Whether an edge whose function grows along (dx, dy) owns the samples that lie on it."""
     return dx > 0 or (dx == 0 and dy > 0)
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def bounding_samples(screen, ia, ib, ic, width, height):  # type: ignore[no-untyped-def]
     """(x0, x1, y0, y1, small): columns and rows (inclusive) a triangle may cover, none when x0 > x1 or y0 > y1."""
     ax = screen[ia, 0]
@@ -54,7 +53,7 @@ def bounding_samples(screen, ia, ib, ic, width, height):  # type: ignore[no-unty
     return x0, x1, y0, y1, small
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def small_edges(ax, ay, bx, by, cx, cy, x0, y0):  # type: ignore[no-untyped-def]
     """Integer edge functions of a small triangle of positive area whose corners b, c are relative to a.
 
@@ -82,7 +81,7 @@ def small_edges(ax, ay, bx, by, cx, cy, x0, y0):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def row_span(e, step, least, first, last):  # type: ignore[no-untyped-def]
     """Part of columns first..last (inclusive) where e + step * column >= least; exact in spite of the division."""
     if step == 0.0:
@@ -98,7 +97,7 @@ def row_span(e, step, least, first, last):  # type: ignore[no-untyped-def]
     return first, last
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def inside_span(bx, by, cx, cy, twice, ox, oy, count):  # type: ignore[no-untyped-def]
     """(first, last, eb, ec): columns inside a large triangle in the row whose column 0 is at (ox, oy) from corner a.
 
@@ -113,7 +112,7 @@ def inside_span(bx, by, cx, cy, twice, ox, oy, count):  # type: ignore[no-untype
     return first, last, eb, ec
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def corner_weights(ea, eb, ec, wa, wb, wc):  # type: ignore[no-untyped-def]
     """Perspective-correct weights (float32, sum 1) from edge functions and 1/w of the corners."""
     pa = np.float32(ea) * wa

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from farfield.kernels.compiling import kernel
 from farfield.kernels.edges import SUBSAMPLES
 from farfield.kernels.surface import F32_2, F64_1, F64_2
 
 
-@njit(types.void(F32_2, F64_2, F64_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.void(F32_2, F64_2, F64_2))
 def lattice_bounds(positions, matrix, bounds):  # type: ignore[no-untyped-def]
     """positions (n, 3) float32, matrix (3, 4) float64 -> bounds (2, 3) float64: least and largest of matrix @ p."""
     for row in range(3):
@@ -26,7 +27,7 @@ def lattice_bounds(positions, matrix, bounds):  # type: ignore[no-untyped-def]
         bounds[1, row] = high
 
 
-@njit(types.void(F32_2, F64_2, F64_1, types.int64, F32_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.void(F32_2, F64_2, F64_1, types.int64, F32_2))
 def project_orthographic(positions, matrix, first, samples, screen):  # type: ignore[no-untyped-def]
     """Corners of an orthographic view.
 
@@ -48,7 +49,7 @@ def project_orthographic(positions, matrix, first, samples, screen):  # type: ig
         screen[i, 3] = 1.0
 
 
-@njit(types.int64(F64_2, F32_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.int64(F64_2, F32_2))
 def project_perspective(clip, screen):  # type: ignore[no-untyped-def]
     """Corners of a perspective view: clip (n, 3) float64 rows (x w, y w, w) in samples, w > 0 -> screen (n, 4) float32.
 

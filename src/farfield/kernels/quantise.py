@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from farfield.geometry.color import BYTE_OF_LINEAR
 from farfield.geometry.normals import MAXIMUM
+from farfield.kernels.compiling import device, kernel
 from farfield.kernels.surface import F32_3, FAR, I32_2, U8_2, U8_3
 
 _ZERO = np.float32(0.0)
@@ -16,7 +17,7 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def normal_code(x, y, z):  # type: ignore[no-untyped-def]
     """(a, b, length) of a mean normal in the frame (u, v, -w), with codes 0..63 as `geometry.normals.encode` gives.
 
@@ -33,11 +34,8 @@ def normal_code(x, y, z):  # type: ignore[no-untyped-def]
     return min(max(np.int64(a), 0), MAXIMUM), min(max(np.int64(b), 0), MAXIMUM), length
 
 
-@njit(
+@kernel(
     types.void(F32_3, types.int64, types.int64, types.int64, I32_2, U8_3, U8_3, U8_2, U8_2, U8_2),
-    cache=True,
-    nogil=True,
-    error_model="numpy",
 )
 def quantise(  # type: ignore[no-untyped-def]
     pixels, depth_steps, coverage_steps, length_steps, depth, color, normal, length, coverage, flags
@@ -45,7 +43,7 @@ def quantise(  # type: ignore[no-untyped-def]
     """pixels (h, w, 9) float32 as left by `resolve` -> integer planes; all but depth are 0 where nothing is.
 
     depth: (h, w) int32 out: round(mean depth * depth_steps), -2^31 where nothing is.
-    color (h, w, 3), normal (h, w, 2), length, coverage, flags (h, w): uint8 out, as in OrthoLayer; flags has bit 2 only.
+    color (h, w, 3), normal (h, w, 2), length, coverage, flags (h, w): uint8 out, as in OrthoLayer (flags: unlit only).
     """
     for row in range(pixels.shape[0]):
         for column in range(pixels.shape[1]):

@@ -7,8 +7,9 @@ Which samples a triangle covers is decided exactly (see `edges`). Equal depths g
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
+from farfield.kernels.compiling import kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
 from farfield.kernels.surface import F32_2, MATERIALS, SURFACE, U32_2
 from farfield.kernels.texture import is_hole
@@ -16,7 +17,7 @@ from farfield.kernels.texture import is_hole
 _ONE = np.float32(1.0)
 
 
-@njit(types.void(F32_2, SURFACE, MATERIALS, F32_2, F32_2, U32_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.void(F32_2, SURFACE, MATERIALS, F32_2, F32_2, U32_2))
 def rasterise(screen, surface, materials, behind, depth, ids):  # type: ignore[no-untyped-def]
     """Draws every triangle of `surface` into depth and ids.
 

@@ -8,9 +8,10 @@ vector code. Same rules and same results as `rasterise` (see there); choose by t
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 
+from farfield.kernels.compiling import device, kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
 from farfield.kernels.surface import F32_2, FAR, I64_2, MATERIALS, NOTHING, SURFACE, U32_2
 from farfield.kernels.texture import is_hole
@@ -44,7 +45,7 @@ def _float_of(context, value):  # type: ignore[no-untyped-def]
     return types.float32(types.int32), generate
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def key_of(z, tag):  # type: ignore[no-untyped-def]
     """int64 that orders like (z, tag). Bits of negative floats order the wrong way and are mirrored; -0 is made 0."""
     bits = _bits(z + _ZERO)
@@ -52,14 +53,14 @@ def key_of(z, tag):  # type: ignore[no-untyped-def]
     return (np.int64(ordered) << 32) | tag
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def depth_of(key):  # type: ignore[no-untyped-def]
     """The z of a key."""
     ordered = np.int32(key >> 32)
     return _float_of(np.int32(ordered ^ np.int32(np.int32(ordered >> 31) & np.int32(0x7FFFFFFF))))
 
 
-@njit(types.void(F32_2, SURFACE, MATERIALS, F32_2, I64_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.void(F32_2, SURFACE, MATERIALS, F32_2, I64_2))
 def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-untyped-def]
     """Draws every triangle of `surface` into keys.
 
@@ -191,7 +192,7 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
                     keys[row, column] = key
 
 
-@njit(types.void(I64_2, F32_2, U32_2), cache=True, nogil=True, error_model="numpy")
+@kernel(types.void(I64_2, F32_2, U32_2))
 def unpack_keys(keys, depth, ids):  # type: ignore[no-untyped-def]
     """keys (h, w + LANES) -> depth (h, w) float32 and ids (h, w) uint32, with FAR and NOTHING where empty."""
     for y in range(depth.shape[0]):

@@ -7,14 +7,12 @@ time on large triangles: attributes are linear, and texture levels are chosen by
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
-from numba import njit, types
+from numba import types
 
-from farfield.geometry.color import LINEAR_OF_BYTE
+from farfield.kernels.compiling import device, kernel
+from farfield.kernels.shade import albedo, facing_normal, is_textured
 from farfield.kernels.surface import F32_2, F32_3, FAR, MATERIALS, NOTHING, SURFACE, U32_2
-from farfield.kernels.texture import texture_color
 
 PLANES = 9
 """Float planes of a resolved pixel: depth, coverage, unlit share, linear colour (3), mean normal (3)."""
@@ -24,12 +22,9 @@ _ONE = np.float32(1.0)
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def _shade(screen, surface, materials, toward, t, x, y, samples):  # type: ignore[no-untyped-def]
-    """(depth, r, g, b, nx, ny, nz, unlit) of triangle t at screen position x, y: linear albedo, unit normal (world).
-
-    The normal is on the side of the surface that faces `toward`, whatever the winding: open shells show their back.
-    """
+    """(r, g, b, nx, ny, nz, unlit) of triangle t at screen position x, y: linear albedo, unit normal (world axes)."""
     ia = np.uintp(surface.triangles[t, 0])
     ib = np.uintp(surface.triangles[t, 1])
     ic = np.uintp(surface.triangles[t, 2])
@@ -46,74 +41,29 @@ def _shade(screen, surface, materials, toward, t, x, y, samples):  # type: ignor
     b = np.float32((ox * dcy - oy * dcx) * inverse)
     c = np.float32((dbx * oy - dby * ox) * inverse)
     a = _ONE - b - c
-    depth = a * screen[ia, 2] + b * screen[ib, 2] + c * screen[ic, 2]
     material = surface.materials[t]
-    red = materials.base_color[material, 0]
-    green = materials.base_color[material, 1]
-    blue = materials.base_color[material, 2]
-    texture = materials.texture[material]
-    if texture >= 0 and surface.uvs.shape[0] > 0:
-        ub = surface.uvs[ib, 0] - surface.uvs[ia, 0]
-        vb = surface.uvs[ib, 1] - surface.uvs[ia, 1]
-        uc = surface.uvs[ic, 0] - surface.uvs[ia, 0]
-        vc = surface.uvs[ic, 1] - surface.uvs[ia, 1]
-        bx = np.float32(dbx)
-        by = np.float32(dby)
-        cx = np.float32(dcx)
-        cy = np.float32(dcy)
-        share = np.float32(inverse)
-        across = share * samples * np.float32(materials.size[texture, 0])
-        along = share * samples * np.float32(materials.size[texture, 1])
-        ux = (ub * cy - uc * by) * across
-        uy = (uc * bx - ub * cx) * across
-        vx = (vb * cy - vc * by) * along
-        vy = (vc * bx - vb * cx) * along
-        footprint = max(ux * ux + vx * vx, uy * uy + vy * vy)
-        u = surface.uvs[ia, 0] + b * ub + c * uc
-        v = surface.uvs[ia, 1] + b * vb + c * vc
-        tr, tg, tb = texture_color(materials, texture, u, v, footprint)
-        red *= tr
-        green *= tg
-        blue *= tb
-    if surface.colors.shape[0] > 0:
-        k = surface.colors
-        red *= a * LINEAR_OF_BYTE[k[ia, 0]] + b * LINEAR_OF_BYTE[k[ib, 0]] + c * LINEAR_OF_BYTE[k[ic, 0]]
-        green *= a * LINEAR_OF_BYTE[k[ia, 1]] + b * LINEAR_OF_BYTE[k[ib, 1]] + c * LINEAR_OF_BYTE[k[ic, 1]]
-        blue *= a * LINEAR_OF_BYTE[k[ia, 2]] + b * LINEAR_OF_BYTE[k[ib, 2]] + c * LINEAR_OF_BYTE[k[ic, 2]]
-    n = surface.normals
-    nx = a * n[ia, 0] + b * n[ib, 0] + c * n[ic, 0]
-    ny = a * n[ia, 1] + b * n[ib, 1] + c * n[ic, 1]
-    nz = a * n[ia, 2] + b * n[ib, 2] + c * n[ic, 2]
-    p = surface.positions
-    px = p[ib, 0] - p[ia, 0]
-    py = p[ib, 1] - p[ia, 1]
-    pz = p[ib, 2] - p[ia, 2]
-    qx = p[ic, 0] - p[ia, 0]
-    qy = p[ic, 1] - p[ia, 1]
-    qz = p[ic, 2] - p[ia, 2]
-    gx = py * qz - pz * qy
-    gy = pz * qx - px * qz
-    gz = px * qy - py * qx
-    facing = gx * toward[0] + gy * toward[1] + gz * toward[2]
-    squared = nx * nx + ny * ny + nz * nz
-    if squared > np.float32(1e-20):
-        scale = _ONE / math.sqrt(squared)
-        if facing * (gx * nx + gy * ny + gz * nz) < _ZERO:
-            scale = -scale
-    else:  # no shading normal: the surface's own
-        nx = gx
-        ny = gy
-        nz = gz
-        scale = math.copysign(_ONE / math.sqrt(max(gx * gx + gy * gy + gz * gz, np.float32(1e-35))), facing)
-    unlit = np.float32(materials.unlit[material])
-    return depth, red, green, blue, nx * scale, ny * scale, nz * scale, unlit
+    ux = _ZERO
+    vx = _ZERO
+    uy = _ZERO
+    vy = _ZERO
+    if is_textured(surface, materials, material):
+        uvs = surface.uvs
+        ub = uvs[ib, 0] - uvs[ia, 0]
+        vb = uvs[ib, 1] - uvs[ia, 1]
+        uc = uvs[ic, 0] - uvs[ia, 0]
+        vc = uvs[ic, 1] - uvs[ia, 1]
+        pixel = np.float32(inverse) * samples
+        ux = (ub * np.float32(dcy) - uc * np.float32(dby)) * pixel
+        vx = (vb * np.float32(dcy) - vc * np.float32(dby)) * pixel
+        uy = (uc * np.float32(dbx) - ub * np.float32(dcx)) * pixel
+        vy = (vc * np.float32(dbx) - vb * np.float32(dcx)) * pixel
+    red, green, blue = albedo(surface, materials, material, ia, ib, ic, a, b, c, ux, vx, uy, vy)
+    nx, ny, nz = facing_normal(surface, ia, ib, ic, a, b, c, toward[0], toward[1], toward[2])
+    return red, green, blue, nx, ny, nz, np.float32(materials.unlit[material])
 
 
-@njit(
+@kernel(
     types.int64(F32_2, SURFACE, MATERIALS, F32_2, types.int64, types.float32, F32_2, U32_2, F32_2, F32_3, U32_2),
-    cache=True,
-    nogil=True,
-    error_model="numpy",
 )
 def resolve(  # type: ignore[no-untyped-def]
     screen, surface, materials, axes, samples, separation, depth, ids, behind, pixels, objects
@@ -133,7 +83,7 @@ def resolve(  # type: ignore[no-untyped-def]
     s = np.uintp(samples)
     inverse = _ONE / np.float32(samples)
     spread = np.float32(samples)
-    toward = -axes[2]
+    toward = (-axes[2, 0], -axes[2, 1], -axes[2, 2])
     keep_limits = behind.shape[0] > 0
     valid = 0
     for row in range(pixels.shape[0]):
@@ -190,7 +140,7 @@ def resolve(  # type: ignore[no-untyped-def]
                     weight = np.float32(count)
                     x = np.float32(x0) + _HALF + np.float32(sum_x) / weight
                     y = np.float32(y0) + _HALF + np.float32(sum_y) / weight
-                    z, r, g, b, mx, my, mz, shown = _shade(screen, surface, materials, toward, t, x, y, spread)
+                    r, g, b, mx, my, mz, shown = _shade(screen, surface, materials, toward, t, x, y, spread)
                     filled += count
                     red += weight * r
                     green += weight * g

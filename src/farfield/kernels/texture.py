@@ -1,19 +1,16 @@
-"""Texture look-ups shared by the drawing kernels: repeat in both axes, nearest mip level, bilinear in linear light.
-
-Numba's cache does not see changes of an imported function: after an edit here, touch the kernels that import it.
-"""
+"""Texture look-ups shared by the drawing kernels: repeat in both axes, nearest mip level, bilinear in linear light."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from farfield.geometry.color import LINEAR_OF_BYTE
+from farfield.kernels.compiling import device
 
 _HALF = np.float32(0.5)
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def fraction(value):  # type: ignore[no-untyped-def]
     """value - floor(value), without a call to a library; 0 for what is not finite or too large to have a fraction."""
     if not abs(value) < np.float32(1e9):
@@ -22,7 +19,7 @@ def fraction(value):  # type: ignore[no-untyped-def]
     return part + np.float32(1.0) if part < np.float32(0.0) else part
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def texel_alpha(materials, texture, u, v):  # type: ignore[no-untyped-def]
     """Alpha 0..1 of the nearest texel of the full-resolution level: the unbiased estimate of cover at a point."""
     width = materials.size[texture, 0]
@@ -32,7 +29,7 @@ def texel_alpha(materials, texture, u, v):  # type: ignore[no-untyped-def]
     return materials.pixels[materials.level[texture, 0] + row * width + column, 3] * np.float32(1.0 / 255.0)
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyped-def]
     """Linear (r, g, b) at u, v. footprint: squared length in full-resolution texels of what is averaged."""
     levels = materials.size[texture, 2]
@@ -71,7 +68,7 @@ def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyp
     return red, green, blue
 
 
-@njit(nogil=True, error_model="numpy", forceinline=True)
+@device
 def is_hole(surface, materials, material, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
     """Whether an alpha-masked surface is cut out at weights a, b, c (summing to 1) of corners i, j, k."""
     alpha = materials.base_color[material, 3]
