@@ -3,7 +3,10 @@ import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
 import type { CellEntry, GeometryEntry } from "./indextile.js";
 import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
 import { Resource } from "./resource.js";
-import type { Box } from "./vector.js";
+import { grown, type Box } from "./vector.js";
+
+/** A splat reaches at most this many pitches from its middle. */
+const SPLAT_REACH = 4;
 
 /** One view of a cell: its layers, nearest first. */
 export interface CellView {
@@ -28,6 +31,8 @@ export class Cell {
   readonly octant: number;
   /** Tight bounds of what is in it; the cell's box until the index says more. */
   bounds: Box;
+  /** The bounds with room for the splats on their border. */
+  reach: Box;
   views: ReadonlyMap<number, CellView> = new Map();
   /** For each view bin the directions to draw, best first. */
   bins: readonly (readonly number[])[] = [];
@@ -48,7 +53,7 @@ export class Cell {
     this.level = key.level;
     this.box = grid.bounds(key);
     this.octant = grid.octant(key);
-    this.bounds = this.box;
+    this.bounds = this.reach = this.box;
   }
 
   /** Takes what the index tile says of this cell, and of those below it that the tile knows. */
@@ -72,6 +77,7 @@ export class Cell {
 
   private describe(entry: CellEntry, shared: SharedMeshes): void {
     this.bounds = { lower: entry.bounds[0], upper: entry.bounds[1] };
+    this.reach = grown(this.bounds, SPLAT_REACH * entry.error);
     this.bins = entry.views ?? [];
     const views = new Map<number, { direction: number; layers: Resource[] }>();
     for (const [direction, layer, bytes] of entry.tiles ?? []) {

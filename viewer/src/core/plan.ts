@@ -67,7 +67,7 @@ class Planner {
 
   /** Draws a cell's part of the cut; returns where that was not possible. */
   private place(cell: Cell): Holes {
-    if (!seesBox(this.view.frustum, cell.bounds)) return COVERED;
+    if (!seesBox(this.view.frustum, cell.reach)) return COVERED;
     const role = this.roles.get(cell);
     if (role === "left out") return COVERED;
     if (role === "geometry" && this.drawGeometry(cell)) return COVERED;
@@ -83,7 +83,7 @@ class Planner {
     if (cell.level === 0) return this.drawGeometry(cell) ? COVERED : HOLE;
     return joinHoles(
       (cell.children ?? []).map((child) => {
-        const drawn = !seesBox(this.view.frustum, child.bounds) || this.draw(child, HOLE);
+        const drawn = !seesBox(this.view.frustum, child.reach) || this.draw(child, HOLE);
         return [child.octant, drawn ? COVERED : this.retain(child)] as const;
       }),
     );

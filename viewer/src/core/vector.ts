@@ -22,3 +22,11 @@ export function distanceTo({ lower, upper }: Box, point: Vector3): number {
   const z = Math.max(lower[2] - point[2], point[2] - upper[2], 0);
   return Math.sqrt(x * x + y * y + z * z);
 }
+
+/** A box with `margin` more on all sides. */
+export function grown({ lower, upper }: Box, margin: number): Box {
+  return {
+    lower: [lower[0] - margin, lower[1] - margin, lower[2] - margin],
+    upper: [upper[0] + margin, upper[1] + margin, upper[2] + margin],
+  };
+}

@@ -54,7 +54,7 @@ export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest
   };
 
   for (const root of roots) addPictures(root, URGENCY.root);
-  const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.bounds) ? URGENCY.seen : URGENCY.unseen);
+  const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.reach) ? URGENCY.seen : URGENCY.unseen);
   for (const cell of plan.cut.pictures) {
     addPictures(cell, urgencyOf(cell));
     addCover(cell, (ancestor) => addPictures(ancestor, URGENCY.cover));

@@ -1,4 +1,4 @@
-import { BufferGeometry, GLBufferAttribute, type WebGLRenderer } from "three";
+import { BufferGeometry, GLBufferAttribute, Sphere, type WebGLRenderer } from "three";
 import type { OrientedBox } from "../core/frustum.js";
 import type { Grid } from "../core/grid.js";
 import type { Direction } from "../core/manifest.js";
@@ -6,6 +6,8 @@ import { WORDS, type DecodedTile } from "../core/orthoview/decode.js";
 import type { Vector3 } from "../core/vector.js";
 
 const BYTES_A_PIXEL = WORDS * 4;
+/** Pitches that a splat reaches beyond its middle, at most, along an axis. */
+const MARGIN = 4;
 
 /** One layer of an orthoview on the graphics card. */
 export class OrthoviewTile {
@@ -38,6 +40,8 @@ export class OrthoviewTile {
     gl.bufferData(gl.ARRAY_BUFFER, tile.pixels, gl.STATIC_DRAW);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.geometry.setAttribute("position", new GLBufferAttribute(this.buffer, gl.UNSIGNED_INT, WORDS, 4, tile.count) as never);
+    // three.js sorts by it, and cannot compute it from a buffer that it does not know.
+    this.geometry.boundingSphere = new Sphere();
   }
 
   /** From the eye to the first column and row at depth code 0, in the layer's frame; computed in double precision. */
@@ -61,9 +65,9 @@ export function tileBytes(tile: DecodedTile): number {
 function boxOf(tile: DecodedTile, { axes: { u, v, w } }: Direction, corner: Vector3, pitch: number): OrientedBox {
   const [least, greatest] = tile.depthRange;
   const half: Vector3 = [
-    (tile.width / 2 + 1) * pitch,
-    (tile.height / 2 + 1) * pitch,
-    ((greatest - least) / 16 + 1) * pitch,
+    (tile.width / 2 + MARGIN) * pitch,
+    (tile.height / 2 + MARGIN) * pitch,
+    ((greatest - least) / 16 + MARGIN) * pitch,
   ];
   const at: Vector3 = [
     corner[0] + (tile.width / 2) * pitch,

@@ -20,9 +20,6 @@ export async function decodeColor(
     throw corrupt("the colour cannot be decoded", where);
   }
   try {
-    if (bitmap.width !== width || bitmap.height !== height) {
-      throw corrupt(`the colour is ${bitmap.width} x ${bitmap.height} instead of ${width} x ${height}`, where);
-    }
     const canvas = new OffscreenCanvas(width, height);
     const context = canvas.getContext("2d", { willReadFrequently: true, alpha: false });
     if (!context) throw corrupt("no canvas to decode the colour with", where);

@@ -1,7 +1,8 @@
 import { corrupt } from "../errors.js";
 import { inflate } from "../inflate.js";
-import { PLANE, readTile, type TileHeader } from "./header.js";
-import { restore, unzigzag, validPixels, type ValidPixels } from "./predict.js";
+import { PLANE, readTile, type StoredPlane, type TileHeader } from "./header.js";
+import { checkWebp } from "./webp.js";
+import { restoreDepth, restoreNormals, unzigzag, validPixels, type ValidPixels } from "./predict.js";
 
 /** Words a pixel. */
 export const WORDS = 3;
@@ -37,21 +38,21 @@ export type ColorDecoder = (bytes: Uint8Array, width: number, height: number, wh
 export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: ColorDecoder): Promise<DecodedTile> {
   const header = readTile(bytes, where);
   const color = need(header, PLANE.color, "colour", where);
+  checkWebp(color.bytes, header.width, header.height, where);
   const [depth, normal, coverage, flags, unlit, rgba] = await Promise.all([
-    inflate(need(header, PLANE.depth, "depth", where), maskBytes(header) + 2 * header.valid, where),
-    inflate(need(header, PLANE.normal, "normal", where), 2 * header.valid, where),
+    content(need(header, PLANE.depth, "depth", where), maskBytes(header) + 2 * header.valid, where),
+    content(need(header, PLANE.normal, "normal", where), 2 * header.valid, where),
     optional(header, PLANE.coverage, header.valid, where),
     optional(header, PLANE.flags, (header.valid + 7) >> 3, where),
     optional(header, PLANE.unlit, (header.valid + 7) >> 3, where),
-    decodeColor(color, header.width, header.height, where),
+    decodeColor(color.bytes, header.width, header.height, where),
   ]);
   const pixels = validPixels(depth, header.width, header.height, header.valid);
   if (!pixels) throw corrupt("the mask does not mark the valid pixels", where);
   const depths = unzigzag(depth.subarray(maskBytes(header)));
-  restore(depths, pixels, 0xffff, 0);
+  restoreDepth(depths, pixels);
   const [a, b] = [normal.subarray(0, header.valid), normal.subarray(header.valid)];
-  restore(a, pixels, 63, 32);
-  restore(b, pixels, 63, 32);
+  restoreNormals(a, b, depths, pixels);
   const { direction, layer, level, x, y, width, height, depthBase } = header;
   return {
     direction, layer, level, x, y, width, height, depthBase,
@@ -105,13 +106,20 @@ function maskBytes({ width, height }: TileHeader): number {
   return (width * height + 7) >> 3;
 }
 
-function need(header: TileHeader, kind: number, name: string, where: string): Uint8Array {
+function need(header: TileHeader, kind: number, name: string, where: string): StoredPlane {
   const plane = header.planes.get(kind);
   if (!plane) throw corrupt(`tile without ${name}`, where);
   return plane;
 }
 
-function optional(header: TileHeader, kind: number, length: number, where: string): Promise<Uint8Array> | null {
+async function optional(header: TileHeader, kind: number, length: number, where: string): Promise<Uint8Array | null> {
   const plane = header.planes.get(kind);
-  return plane ? inflate(plane, length, where) : null;
+  return plane ? content(plane, length, where) : null;
+}
+
+/** The bytes of a plane; the caller may change them. */
+async function content(plane: StoredPlane, length: number, where: string): Promise<Uint8Array> {
+  if (plane.deflated) return inflate(plane.bytes, length, where);
+  if (plane.bytes.length !== length) throw corrupt(`a plane of ${plane.bytes.length} bytes instead of ${length}`, where);
+  return plane.bytes.slice();
 }

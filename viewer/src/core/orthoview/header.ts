@@ -7,7 +7,15 @@ const MAGIC = 0x564f4646; // "FFOV"
 const LARGEST = 4096;
 
 export const PLANE = { depth: 1, color: 2, normal: 3, coverage: 4, flags: 5, unlit: 6 } as const;
-const CODECS: Readonly<Record<number, number>> = { 1: 1, 2: 2, 3: 1, 4: 1, 5: 1, 6: 1 };
+const MOST_PLANES = 64;
+const [DEFLATE, WEBP] = [1, 2];
+
+/** Bytes of a plane as they are stored. */
+export interface StoredPlane {
+  readonly bytes: Uint8Array;
+  /** Deflated, else raw (or WebP, where the kind says so). */
+  readonly deflated: boolean;
+}
 
 /** What a tile says of itself (spec/orthoview.md, Header). */
 export interface TileHeader {
@@ -23,8 +31,7 @@ export interface TileHeader {
   readonly depthBase: number;
   /** Number of pixels with a surface. */
   readonly valid: number;
-  /** Bytes of each plane by kind, still packed. */
-  readonly planes: ReadonlyMap<number, Uint8Array>;
+  readonly planes: ReadonlyMap<number, StoredPlane>;
 }
 
 /** Reads the header and finds the planes. Throws `corrupt` unless the whole tile is sound. */
@@ -57,20 +64,24 @@ function checksum(bytes: Uint8Array): number {
   return crc32(bytes.subarray(HEADER_BYTES), crc32(zeros, crc32(bytes.subarray(0, 36))));
 }
 
-function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: string): Map<number, Uint8Array> {
-  const planes = new Map<number, Uint8Array>();
+function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: string): Map<number, StoredPlane> {
+  const planes = new Map<number, StoredPlane>();
   let at = HEADER_BYTES + count * ENTRY_BYTES;
-  if (at > bytes.length) throw corrupt("tile is cut short", where);
+  if (count > MOST_PLANES || at > bytes.length) throw corrupt("tile is cut short", where);
   for (let n = 0; n < count; n++) {
     const entry = HEADER_BYTES + n * ENTRY_BYTES;
-    const kind = view.getUint8(entry);
+    const [kind, codec] = [view.getUint8(entry), view.getUint8(entry + 1)];
     const end = at + view.getUint32(entry + 4, true);
     if (end > bytes.length) throw corrupt("tile is cut short", where);
-    const codec = CODECS[kind];
-    if (codec !== undefined && codec !== view.getUint8(entry + 1)) throw corrupt(`plane ${kind} in an unknown codec`, where);
-    if (codec !== undefined) planes.set(kind, bytes.subarray(at, end));
+    if (planes.has(kind)) throw corrupt(`plane ${kind} is there twice`, where);
+    if (known(kind) && (kind === PLANE.color ? codec !== WEBP : codec > DEFLATE)) throw corrupt(`plane ${kind} in an unknown codec`, where);
+    planes.set(kind, { bytes: bytes.subarray(at, end), deflated: codec === DEFLATE });
     at = end;
   }
   if (at !== bytes.length) throw corrupt("bytes behind the last plane", where);
   return planes;
+}
+
+function known(kind: number): boolean {
+  return kind >= PLANE.depth && kind <= PLANE.unlit;
 }

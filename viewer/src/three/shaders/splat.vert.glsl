@@ -87,6 +87,8 @@ void main() {
             rowAlpha.y * rowAlpha.y + rowBeta.y * rowBeta.y);
         slope = rowAlpha * along.x + rowBeta * along.y;
         vec2 reach = sqrt(U * U + V * V) * 1.41421356;
+        // So close to the eye the footprint is no ellipse any more, and would hide everything.
+        if (max(reach.x, reach.y) > frame.y) return;
         gl_PointSize = clamp(max(reach.x, reach.y) + 0.05, 1.05, largest);
     }
 
