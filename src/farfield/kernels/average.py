@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from farfield.geometry.color import LINEAR_OF_BYTE
+from farfield.kernels.compiling import kernel
 from farfield.kernels.splat import LIGHT_STEPS, UNLIT_LIGHT
 
 _F0, _F1 = np.float32(0.0), np.float32(1.0)
@@ -16,12 +17,11 @@ _UNLIT = np.uint32(UNLIT_LIGHT)
 _NORMAL = np.float32(1.0 / 511.0)
 
 
-@njit(
+@kernel(
     types.void(
         types.float32[:, ::1], types.uint32[:, ::1], types.Array(types.float32, 2, "C", readonly=True), types.int64,
         types.float32[:, :, ::1], types.float32[:, ::1], types.float32[:, ::1],
-    ),
-    cache=True, nogil=True, error_model="numpy",
+    )
 )  # fmt: skip
 def average_color(depth, surface, terms, k, color, alpha, nearest):  # type: ignore[no-untyped-def]
     """Lights every sample and averages k x k of them.
@@ -60,9 +60,8 @@ def average_color(depth, surface, terms, k, color, alpha, nearest):  # type: ign
             nearest[y, x] = near
 
 
-@njit(
-    types.void(types.float32[:, ::1], types.uint32[:, ::1], types.int64, types.float32[:, :, ::1]),
-    cache=True, nogil=True, error_model="numpy",
+@kernel(
+    types.void(types.float32[:, ::1], types.uint32[:, ::1], types.int64, types.float32[:, :, ::1])
 )  # fmt: skip
 def average_normals(depth, packed, k, normal):  # type: ignore[no-untyped-def]
     """Mean normal of the covered samples, unit or 0.
@@ -84,9 +83,8 @@ def average_normals(depth, packed, k, normal):  # type: ignore[no-untyped-def]
             normal[y, x, 0], normal[y, x, 1], normal[y, x, 2] = a * inverse, b * inverse, c * inverse
 
 
-@njit(
-    types.void(types.float32[:, ::1], types.uint32[:, ::1], types.int64, types.uint32[:, ::1]),
-    cache=True, nogil=True, error_model="numpy",
+@kernel(
+    types.void(types.float32[:, ::1], types.uint32[:, ::1], types.int64, types.uint32[:, ::1])
 )  # fmt: skip
 def nearest_object(depth, objects, k, ids):  # type: ignore[no-untyped-def]
     """The object of the nearest sample of each pixel; ids: (h, w) uint32, written, 0 = none."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from farfield.geometry.normals import DECODED
+from farfield.kernels.compiling import device, kernel
 
 _F0, _F1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _NOTHING = np.float32(1e30)
@@ -21,10 +22,9 @@ _U16 = types.Array(types.uint16, 2, "C", readonly=True)
 _F32 = types.Array(types.float32, 2, "C", readonly=True)
 
 
-@njit(
+@kernel(
     types.int64(_U16, _U8_3, _U8_2, _U8_2, _F32, types.float32, types.int64, types.int64, types.int64,
-                types.float32[:, ::1]),
-    cache=True, nogil=True, error_model="numpy",
+                types.float32[:, ::1])
 )  # fmt: skip
 def sample_layer(depth, normal, coverage, flags, frame, pitch, step, first_row, first_column, samples):  # type: ignore[no-untyped-def]
     """Takes every `step`-th valid pixel of a layer in both axes; returns how many.
@@ -54,7 +54,7 @@ def sample_layer(depth, normal, coverage, flags, frame, pitch, step, first_row, 
     return count
 
 
-@njit(inline="always")
+@device
 def _worth(sample, towards, ex, ey, ez):  # type: ignore[no-untyped-def]
     """How well a view shows a sample to an eye in direction (ex, ey, ez), 0..1."""
     across = towards[0] * ex + towards[1] * ey + towards[2] * ez
@@ -66,10 +66,9 @@ def _worth(sample, towards, ex, ey, ez):  # type: ignore[no-untyped-def]
     return worth
 
 
-@njit(
+@kernel(
     types.void(_F32, types.Array(types.int64, 1, "C", readonly=True), _F32, _F32, types.float32, types.float32,
-               types.float32[:, :, ::1], types.float32[:, :, ::1]),
-    cache=True, nogil=True, error_model="numpy",
+               types.float32[:, :, ::1], types.float32[:, :, ::1])
 )  # fmt: skip
 def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, quality):  # type: ignore[no-untyped-def]
     """Draws the samples of every view into its small picture.
@@ -111,9 +110,9 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, qual
                         quality[view, q, p] = worth
 
 
-@njit(
+@kernel(
     types.int64(types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32, types.int64[::1]),
-    cache=True, nogil=True, error_model="numpy",
+    allocates=True,
 )  # fmt: skip
 def greedy_cover(nearest, quality, tolerance, chosen):  # type: ignore[no-untyped-def]
     """Chooses views one after the other, each the one that adds most; returns how many add anything.
@@ -150,9 +149,8 @@ def greedy_cover(nearest, quality, tolerance, chosen):  # type: ignore[no-untype
     return chosen.size
 
 
-@njit(
-    types.int64(_F32, _U16, _F32, types.float32, types.float32, types.float32, types.uint64, types.uint64[::1]),
-    cache=True, nogil=True, error_model="numpy",
+@kernel(
+    types.int64(_F32, _U16, _F32, types.float32, types.float32, types.float32, types.uint64, types.uint64[::1])
 )  # fmt: skip
 def mark_seen(samples, depth, frame, pitch, tolerance, cosine, bit, seen):  # type: ignore[no-untyped-def]
     """Sets `bit` of every sample that a view sees squarely enough; returns how many.

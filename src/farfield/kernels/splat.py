@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from farfield.geometry.normals import DECODED
+from farfield.kernels.compiling import device, kernel
 
 ORIGIN, TO_X, TO_Y, TO_W, SUN, LOWER, UPPER, WORLD_X, WORLD_Y, WORLD_Z = range(10)
 """Rows of a placement (10, 3) float32, all but the box in the layer's own frame (u, v, w), metres:
@@ -48,7 +49,7 @@ _U32 = types.Array(types.uint32, 2, "C", readonly=True)
 _F32 = types.Array(types.float32, 2, "C", readonly=True)
 
 
-@njit(inline="always")
+@device
 def _lattice_hash(row_hash, column):  # type: ignore[no-untyped-def]
     """32-bit hash of a lattice position (Wang-style mixing); row_hash is row * 0x85EBCA77 modulo 2^32."""
     mask = np.uint64(0xFFFFFFFF)
@@ -58,7 +59,7 @@ def _lattice_hash(row_hash, column):  # type: ignore[no-untyped-def]
     return h ^ (h >> np.uint64(15))
 
 
-@njit(inline="always")
+@device
 def _lambert(cosine, length):  # type: ignore[no-untyped-def]
     """Mean of max(0, cos) to the sun over normals whose mean has this direction's cosine and this length."""
     mu = length * cosine
@@ -68,7 +69,7 @@ def _lambert(cosine, length):  # type: ignore[no-untyped-def]
     return _HALF * (mu + math.sqrt(mu * mu + spread * max(_F0, _F1 - cosine * cosine)))
 
 
-@njit(inline="always")
+@device
 def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
     """World normal in ten bits an axis, 0..1022 for -1..1, x lowest."""
     packed = np.uint32(0)
@@ -79,13 +80,12 @@ def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
     return packed
 
 
-@njit(
+@kernel(
     types.int64(
         _U16, _U8_3, _U8_3, _U8_2, _U8_2, _U8_2, _U32,
         types.int64, types.int64, _F32, types.float32, types.float32, types.boolean,
         types.float32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1],
-    ),
-    cache=True, nogil=True, error_model="numpy",
+    )
 )  # fmt: skip
 def splat_layer(  # type: ignore[no-untyped-def]
     depth, color, normal, length, coverage, flags, objects,
