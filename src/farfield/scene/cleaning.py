@@ -51,7 +51,7 @@ def assemble(raw: RawSurface, where: str) -> Mesh:
         keep[keep] = solid
     if not len(triangles):
         warnings.append(f"{where}: has no usable triangles")
-    triangles, source, normals = fill_normals(vectors, triangles, _given_normals(raw), raw.crease_cosine)
+    triangles, source, normals = fill_normals(raw.positions, vectors, triangles, _given_normals(raw), raw.crease_cosine)
     used = np.zeros(len(source), bool)
     used[triangles.ravel()] = True
     if not used.all():

@@ -1,4 +1,4 @@
-"""Normals for meshes that have none: area-weighted and smooth, but faceted across sharp edges."""
+"""Normals for meshes that have none: weighted by area and angle, smooth, but faceted across sharp edges."""
 
 from __future__ import annotations
 
@@ -27,15 +27,28 @@ def unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def smooth_normals(
-    vectors: NDArray[np.float64], triangles: NDArray[np.uint32], vertex_count: int
+    positions: NDArray[np.float64], triangles: NDArray[np.uint32], vectors: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(n, 3) float64: area-weighted mean of the facets at each vertex, unit or 0."""
-    corners = triangles.T.ravel()
-    sums = [np.bincount(corners, np.tile(vectors[:, axis], 3), vertex_count) for axis in range(3)]
-    return unit(np.stack(sums, -1))
+    """(n, 3) float64: mean of the facets at each vertex by area times angle there, unit or 0.
+
+    Area alone would lean a cube's corners towards the faces whose diagonal ends there.
+    """
+    weighted = vectors * corner_angles(positions, triangles).T[:, :, None]
+    flat, corners = weighted.reshape(-1, 3), triangles.T.ravel()
+    sums = [np.bincount(corners, flat[:, axis], len(positions)) for axis in range(3)]
+    return unit(np.stack(sums, -1).astype(np.float64))
+
+
+def corner_angles(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """(m, 3) float64: angle at each corner, radians."""
+    corners = positions[triangles]
+    forward = unit(np.roll(corners, -1, axis=1) - corners)
+    cosine = -(forward * np.roll(forward, 1, axis=1)).sum(-1)
+    return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
 
 def fill_normals(
+    positions: NDArray[np.float64],
     vectors: NDArray[np.float64],
     triangles: NDArray[np.uint32],
     normals: NDArray[np.float64],
@@ -50,7 +63,7 @@ def fill_normals(
     missing = np.isnan(normals[:, 0])
     if not missing.any():
         return triangles, np.arange(count), normals
-    smooth = smooth_normals(vectors, triangles, count)
+    smooth = smooth_normals(positions, triangles, vectors)
     filled = np.where(missing[:, None], smooth, normals)
     facets = unit(vectors)
     cosine = np.einsum("mkc,mc->mk", smooth[triangles], facets)

@@ -32,6 +32,8 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
 _EXTENSION = {"GLB": ".glb", "glTF": ".gltf", "PLY": ".ply", "OBJ": ".obj", "STL": ".stl", "FlatGeobuf": ".fgb",
               "GeoPackage": ".gpkg", "Parquet": ".parquet", "GeoJSON": ".geojson"}  # fmt: skip
 
+_SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX"}
+
 
 def file_kind(path: Path) -> str:
     """Name of the format the first bytes speak of; empty when they do not tell. Raises OSError."""
@@ -54,10 +56,11 @@ def expect(path: Path, *kinds: str) -> None:
     kind = file_kind(path)
     if not kind or kind in kinds:
         return
-    article = "an" if kind[0] in "AEFHILMNORSX" and kind.isupper() else "a"
+    article = "an" if kind.split()[0] in _SPELT_WITH_A_VOWEL else "a"
+    noun = kind if " " in kind else f"{kind} file"
     known = kind in _EXTENSION
     hint = f"rename it to {path.stem}{_EXTENSION[kind]}" if known else "check what was downloaded or exported"
-    raise InputError(f"is {article} {kind} file, not {' or '.join(kinds)}", str(path), hint)
+    raise InputError(f"is {article} {noun}, not {' or '.join(kinds)}", str(path), hint)
 
 
 def _json_kind(text: bytes) -> str:

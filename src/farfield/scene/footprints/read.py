@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from farfield.errors import InputError
 from farfield.scene.assembly import scene_of
-from farfield.scene.faults import counted
+from farfield.scene.faults import EXPORT_AGAIN, counted
 from farfield.scene.footprints.heights import heights_of, named_column, numbers
 from farfield.scene.footprints.order import morton_codes, split
 from farfield.scene.footprints.prisms import Buildings, prism_mesh
@@ -40,7 +40,10 @@ def read_footprints(path: Path, options: ReadOptions) -> Scene:
     """The buildings of a file, one object each, ordered by place. Raises InputError when it holds none."""
     where = str(path)
     warnings: list[str] = []
-    table = in_metres(read_table(path, options.layer), options.crs, where, warnings)
+    features = read_table(path, options.layer)
+    if not len(features.shapes):
+        raise InputError("holds no features", where, EXPORT_AGAIN)
+    table = in_metres(features, options.crs, where, warnings)
     height = heights_of(table.columns, len(table.shapes), options.height_attribute, options.default_height, where)
     base = _base(table, options.base_attribute, where, warnings)
     shapes = repaired(table.shapes, where, warnings)

@@ -54,7 +54,7 @@ def repaired(shapes: NDArray[np.object_], where: str, warnings: list[str]) -> ND
     if len(crossing):
         shapes[crossing] = [_mended(shape) for shape in shapes[crossing]]
     lost = crossing[shapely.is_missing(shapes[crossing])]
-    mended = len(crossing) - len(lost)
+    mended = int((shapely.area(shapes[crossing]) > SMALLEST).sum())
     if mended:
         warnings.append(f"{where}: repaired {counted(mended, 'footprint')} with self-crossing rings")
     _count(len(lost), "footprint", "with self-crossing rings that cannot be repaired", where, warnings)
@@ -113,13 +113,13 @@ def _oriented(rings: Rings) -> Rings:
 
 
 def _mended(shape: Any) -> Any:
-    """The shape without self-crossings, or None."""
+    """The shape without self-crossings, empty when nothing is left; None when it cannot be repaired."""
     import shapely
 
     try:
         valid = shapely.make_valid(shape)
         areas = [part for part in shapely.get_parts(valid) if part.geom_type in ("Polygon", "MultiPolygon")]
-        return shapely.union_all(areas) if areas else None
+        return shapely.union_all(areas)
     except shapely.errors.GEOSException:
         return None
 

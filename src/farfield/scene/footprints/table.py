@@ -35,7 +35,7 @@ def read_table(path: Path, layer: str | None) -> FeatureTable:
 
     try:
         meta, _, raw, fields = pyogrio.raw.read(path, layer=layer, force_2d=True)
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, IndexError) as error:
         raise InputError(_reason(str(error), layer), str(path), _hint(path, layer)) from error
     if raw is None:
         raise InputError("holds a table without shapes", str(path), "export the footprints with it")

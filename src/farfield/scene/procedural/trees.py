@@ -89,6 +89,8 @@ def _grow(shape: TreeShape, random: np.random.Generator) -> _Limbs:
             reach = length * random.uniform(0.4, 0.7, len(parent))
         radius = thick[parent, 0] + (thick[parent, 1] - thick[parent, 0]) * place
         origin = start[parent] + along[parent] * place[:, None]
+        drop = np.maximum(-direction[:, 2], 1e-9)
+        reach = np.minimum(reach, 0.9 * origin[:, 2] / drop)
         levels.append((origin, direction * reach[:, None], np.stack([radius * 0.6, radius * 0.25], -1)))
     start, along, thick = (np.concatenate(part) for part in zip(*levels, strict=True))
     last = np.concatenate([np.full(len(level[0]), k >= max(shape.depth - 2, 1)) for k, level in enumerate(levels)])
@@ -133,6 +135,7 @@ def _leaves(shape: TreeShape, limbs: _Limbs, count: int, random: np.random.Gener
     place = random.uniform(0.25, 1.05, (count, 1))
     center = limbs.start[chosen] + (limbs.end[chosen] - limbs.start[chosen]) * place
     center += random.standard_normal((count, 3)) * 0.22 * shape.leaf
+    center[:, 2] = np.maximum(center[:, 2], shape.leaf)
     a = random.standard_normal((count, 3))
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     b = np.cross(a, random.standard_normal((count, 3)))

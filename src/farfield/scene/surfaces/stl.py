@@ -38,7 +38,7 @@ def is_text(path: Path) -> bool:
         head = file.read(512)
     if len(head) >= _HEADER and size == _HEADER + int(np.frombuffer(head[80:84], "<u4")[0]) * _FACET.itemsize:
         return False
-    return head.lstrip()[:5].lower() == b"solid"
+    return head.lstrip()[:5].lower() == b"solid" and b"\0" not in head
 
 
 def parse_stl(path: Path) -> tuple[RawSurface, tuple[str, ...]]:
