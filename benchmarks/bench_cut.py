@@ -5,6 +5,7 @@ Real worlds are baked (tiny views, one direction), and the real index is cut fro
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import Counter
 from dataclasses import dataclass
@@ -44,7 +45,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         "sides": sides,
         "cells_by_level": {side: dict(sorted(c.items())) for side, c in cuts.items()},
         "totals": totals,
-        "growth_per_doubling": [int(b - a) for a, b in zip(totals, totals[1:], strict=False)],
+        "growth_per_doubling": [int(b - a) for a, b in itertools.pairwise(totals)],
     }
 
 

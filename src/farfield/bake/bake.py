@@ -140,7 +140,8 @@ def _statistics(scene: Scene, summaries: list[MeshSummary], entries: list[CellEn
 
 
 def _geometry_bytes(entries: Iterable[CellEntry]) -> int:
-    own, shared = 0, {}
+    own = 0
+    shared: dict[str, int] = {}
     for entry in entries:
         if entry.geometry is not None:
             own += entry.geometry.bytes

@@ -23,6 +23,9 @@ TASKS_PER_WORKER = 16
 """Subtrees are made small enough that each worker gets about this many, so that the last ones end together."""
 
 
+_Task = Future[tuple[BakedCell | None, int]]
+
+
 def tree_of(grid: Grid, leaves: list[CellKey]) -> tuple[list[CellKey], Children]:
     """Roots, ascending, and the children of every cell above the given leaves."""
     children: dict[CellKey, list[CellKey]] = {}
@@ -73,7 +76,7 @@ def _bake_parallel(
     return [finished[root] for root in roots]
 
 
-def _as_completed(futures: dict[Future, CellKey]) -> Iterator[Future]:
+def _as_completed(futures: dict[_Task, CellKey]) -> Iterator[_Task]:
     pending = set(futures)
     while pending:
         done, pending = wait(pending, return_when=FIRST_COMPLETED)

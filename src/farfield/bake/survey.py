@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,12 +97,13 @@ def survey(scene: Scene, cache: MeshCache, progress: Progress) -> list[MeshSumma
 
 def _content(mesh: Mesh) -> str:
     digest = blake2b(digest_size=16)
-    arrays = [mesh.positions, mesh.triangles, mesh.normals, mesh.triangle_material]
-    for array in (*arrays, mesh.uvs, mesh.colors, mesh.triangle_object):
-        digest.update(b"-" if array is None else np.ascontiguousarray(array).reshape(-1).view(np.uint8))
+    arrays: list[NDArray[Any]] = [mesh.positions, mesh.triangles, mesh.normals, mesh.triangle_material]
+    optional: list[NDArray[Any] | None] = [*arrays, mesh.uvs, mesh.colors, mesh.triangle_object]
+    for array in optional:
+        digest.update(b"-" if array is None else array.tobytes())
     for m in mesh.materials:
         digest.update(repr((m.base_color, m.alpha_cutoff, m.double_sided, m.unlit)).encode())
         if m.texture is not None:
             digest.update(repr(m.texture.pixels.shape).encode())
-            digest.update(np.ascontiguousarray(m.texture.pixels).reshape(-1))
+            digest.update(m.texture.pixels.tobytes())
     return digest.hexdigest()

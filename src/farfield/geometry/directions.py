@@ -95,4 +95,4 @@ def _vector(text: str) -> NDArray[np.float64]:
         raise OptionError("unknown set of directions", f"--directions {text!r}", hint) from None
     if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise OptionError("not a direction", f"--directions {text!r}", hint)
-    return vector / np.sqrt((vector * vector).sum())
+    return np.asarray(vector / np.sqrt((vector * vector).sum()))

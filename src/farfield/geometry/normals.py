@@ -15,7 +15,7 @@ def encode(normals: NDArray[np.floating]) -> NDArray[np.uint8]:
     n = normals / np.maximum(np.abs(normals).sum(-1, keepdims=True), 1e-20)
     square = np.stack([n[..., 0] + n[..., 1], n[..., 0] - n[..., 1]], -1)
     code = np.floor((square * 0.5 + 0.5) * MAXIMUM + 0.5)
-    return np.clip(code, 0, MAXIMUM).astype(np.uint8)
+    return np.asarray(np.clip(code, 0, MAXIMUM), dtype=np.uint8)
 
 
 def decode(codes: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -25,7 +25,7 @@ def decode(codes: NDArray[np.uint8]) -> NDArray[np.float32]:
     y = (square[..., 0] - square[..., 1]) * np.float32(0.5)
     z = np.float32(1.0) - np.abs(x) - np.abs(y)
     n = np.stack([x, y, np.maximum(z, 0)], -1)
-    return n / np.sqrt((n * n).sum(-1, keepdims=True))
+    return np.asarray(n / np.sqrt((n * n).sum(-1, keepdims=True)), dtype=np.float32)
 
 
 DECODED: NDArray[np.float32] = decode(

@@ -97,7 +97,7 @@ class Grid:
 
     def leaf_index(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """(..., 3) local metres -> (..., 3) int64 leaf indices (half-open, no rounding)."""
-        return np.floor((points - np.array(self.corner)) / self.leaf_size).astype(np.int64)
+        return np.asarray(np.floor((points - np.array(self.corner)) / self.leaf_size), dtype=np.int64)
 
 
 def axis_levels_of(first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[int, int, int]:
