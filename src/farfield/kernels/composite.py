@@ -16,8 +16,9 @@ and 5 % into 8 % after four levels, half to even 30 % into 26 %; dithered, 30 st
 from __future__ import annotations
 
 import numpy as np
-from numba import from_dtype, njit, types
+from numba import from_dtype, types
 
+from farfield.kernels.compiling import device, kernel
 from farfield.kernels.gather import CANDIDATES, HEADS
 
 SURFACE = np.dtype(
@@ -46,7 +47,7 @@ _THRESHOLDS = types.Array(types.int64, 2, "C", readonly=True)
 _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 
 
-@njit(inline="always")
+@device
 def _order(candidates, head, keys):  # type: ignore[no-untyped-def]
     """Fill the end of keys with depth * 2^32 + place, ascending; returns where they start.
 
@@ -66,7 +67,7 @@ def _order(candidates, head, keys):  # type: ignore[no-untyped-def]
     return start
 
 
-@njit(inline="always")
+@device
 def _weigh(candidates, keys, first, last, weights):  # type: ignore[no-untyped-def]
     """Weights of the sorted candidates first..last - 1, in 1/256 of a child pixel; returns their sum.
 
@@ -101,7 +102,7 @@ def _weigh(candidates, keys, first, last, weights):  # type: ignore[no-untyped-d
     return total
 
 
-@njit(inline="always")
+@device
 def _mean(candidates, keys, first, last, weights, total, vectors, linear, bytes_of, out):  # type: ignore[no-untyped-def]
     """Weighted means of the sorted candidates first..last - 1 into one SURFACE."""
     nearest = candidates[keys[first] & _PLACE_BITS]
@@ -141,7 +142,7 @@ def _mean(candidates, keys, first, last, weights, total, vectors, linear, bytes_
         out.normal1 = 32
 
 
-@njit(inline="always")
+@device
 def _divide(keys, start, separation, layers):  # type: ignore[no-untyped-def]
     """Where in the sorted keys, which begin at start, the first surface ends.
 
@@ -165,28 +166,27 @@ def _divide(keys, start, separation, layers):  # type: ignore[no-untyped-def]
     return last
 
 
-@njit(
+@kernel(
     types.void(
-        CANDIDATES, HEADS, types.int64, types.int64, _THRESHOLDS, _F32x2, _F32, _BYTES,
+        CANDIDATES, HEADS, types.int64[:, ::1], types.int64, _THRESHOLDS, _F32x2, _F32, _BYTES,
         from_dtype(SURFACE)[:, :, ::1],
     ),
-    cache=True, nogil=True, boundscheck=False,
 )  # fmt: skip
 def resolve(  # type: ignore[no-untyped-def]
-    candidates, heads, longest, separation, thresholds, vectors, linear, bytes_of, surfaces
+    candidates, heads, scratch, separation, thresholds, vectors, linear, bytes_of, surfaces
 ):
     """The one or two surfaces of every parent pixel, averaged.
 
-    candidates, heads: as gather left them. longest: candidates that a pixel can have. separation: child depth steps
-    within which all is one surface.
+    candidates, heads: as gather left them. scratch: (2, n) int64, n as many candidates as a pixel can
+    have; overwritten. separation: child depth steps within which all is one surface.
     thresholds: (8, 8) int64, what to add to a coverage in 1/1024 before it is cut to sixteenths, by row and column
     modulo 8 counted from the first of the band.
     vectors: (4096, 3) float32, normals.DECODED; linear: (256,) float32, bytes_of: (4096,) uint8, tables of color.
     surfaces: (rows, columns, layers) SURFACE, coverage all 0, written where something is, the nearest first.
     """
     layers = surfaces.shape[2]
-    keys = np.empty(longest, np.int64)
-    weights = np.empty(longest, np.int64)
+    keys = scratch[0]
+    weights = scratch[1]
     for j in range(heads.shape[0]):
         for i in range(heads.shape[1]):
             if heads[j, i] < 0:
@@ -196,7 +196,7 @@ def resolve(  # type: ignore[no-untyped-def]
             made = 0
             for part in range(layers):
                 first = split if part else start
-                last = longest if part else split
+                last = keys.shape[0] if part else split
                 if first == last:
                     continue
                 total = _weigh(candidates, keys, first, last, weights)
@@ -208,11 +208,11 @@ def resolve(  # type: ignore[no-untyped-def]
                     made += 1
 
 
-@njit(types.int64[::1](from_dtype(SURFACE)[:, :, ::1], types.int64), cache=True, nogil=True, boundscheck=False)
-def extent(surfaces, layer):  # type: ignore[no-untyped-def]
-    """(6,) int64: first row, last row, first column, last column, lowest depth, highest depth of what is there.
+@kernel(types.void(from_dtype(SURFACE)[:, :, ::1], types.int64, types.int64[::1]))
+def extent(surfaces, layer, found):  # type: ignore[no-untyped-def]
+    """First row, last row, first column, last column, lowest depth, highest depth of what is in one layer.
 
-    surfaces: (rows, columns, layers) SURFACE. The last row is -1 when nothing is there.
+    surfaces: (rows, columns, layers) SURFACE. found: (6,) int64, written; the last row is -1 when nothing is there.
     """
     top = surfaces.shape[0]
     bottom = right = -1
@@ -229,16 +229,20 @@ def extent(surfaces, layer):  # type: ignore[no-untyped-def]
                 right = max(right, i)
                 lowest = min(lowest, depth)
                 highest = max(highest, depth)
-    return np.array([top, bottom, left, right, lowest, highest])
+    found[0] = top
+    found[1] = bottom
+    found[2] = left
+    found[3] = right
+    found[4] = lowest
+    found[5] = highest
 
 
-@njit(
+@kernel(
     types.void(
         from_dtype(SURFACE)[:, :, ::1], types.int64, types.int64, types.int64, types.int64, types.uint16[:, ::1],
         types.uint8[:, :, ::1], types.uint8[:, :, ::1], types.uint8[:, ::1], types.uint8[:, ::1], types.uint8[:, ::1],
         types.uint32[:, ::1],
     ),
-    cache=True, nogil=True, boundscheck=False,
 )  # fmt: skip
 def separate(  # type: ignore[no-untyped-def]
     surfaces, layer, top, left, base, depth, color, normal, length, coverage, connected, objects

@@ -8,8 +8,10 @@ it must be >. The relation is closed within 2x2 blocks; more than four connected
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
+
+from farfield.kernels.compiling import device, kernel
 
 RIGHT, DOWN, DIAGONAL, ANTI = 1, 2, 4, 8
 """Edges kept at a pixel: to (x + 1, y), (x, y + 1), (x + 1, y + 1), and between (x + 1, y) and (x, y + 1)."""
@@ -39,7 +41,7 @@ _TABLE = types.Array(types.uint8, 1, "C", readonly=True)
 _EDGES = types.uint8[:, ::1]
 
 
-@njit(inline="always")
+@device
 def _joined(vectors, a, b, dx, dy, dz, limits):  # type: ignore[no-untyped-def]
     """The three conditions for normals number a and b and the step (dx, dy, dz) between their points, in pitches.
 
@@ -63,10 +65,9 @@ def _joined(vectors, a, b, dx, dy, dz, limits):  # type: ignore[no-untyped-def]
     return (ax * bx + ay * by + az * bz - limits[2]) * square > np.float32(2.0) * along_a * along_b
 
 
-@njit(
+@kernel(
     types.void(_DEPTH, _NORMAL, _VECTORS, types.float32[::1], types.float32, _EDGES),
-    cache=True, nogil=True, boundscheck=False,
-)  # fmt: skip
+)
 def join(depth, normal, vectors, limits, step, edges):  # type: ignore[no-untyped-def]
     """Edges between neighbouring pixels.
 
@@ -103,14 +104,16 @@ def join(depth, normal, vectors, limits, step, edges):  # type: ignore[no-untype
             edges[y, x] = bits
 
 
-@njit(types.void(_EDGES, _TABLE, _EDGES), cache=True, nogil=True, boundscheck=False)
+@kernel(types.void(_EDGES, _TABLE, _EDGES))
 def close(edges, closures, closed):  # type: ignore[no-untyped-def]
     """Join what is joined by a path within a 2x2 block; only paths of `edges`, not of joins made here.
 
     edges: (h, w) uint8 as join wrote them. closures: (64,) uint8, CLOSURES. closed: (h, w) uint8, written.
     """
     rows, columns = edges.shape
-    closed[:] = edges
+    for y in range(rows):
+        for x in range(columns):
+            closed[y, x] = edges[y, x]
     for y in range(rows - 1):
         for x in range(columns - 1):
             e = edges[y, x] & 15
@@ -122,7 +125,7 @@ def close(edges, closures, closed):  # type: ignore[no-untyped-def]
                 closed[y + 1, x] |= (after >> 5) & RIGHT
 
 
-@njit(types.void(_EDGES, types.int64, types.uint8, _EDGES), cache=True, nogil=True, boundscheck=False)
+@kernel(types.void(_EDGES, types.int64, types.uint8, _EDGES))
 def mark(closed, more_than, bit, flags):  # type: ignore[no-untyped-def]
     """Set or clear `bit` of flags ((h, w) uint8) where more than that many of the eight neighbours are joined."""
     rows, columns = closed.shape

@@ -8,14 +8,16 @@ Integers throughout, so that the bytes are the same on every machine.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
+
+from farfield.kernels.compiling import kernel
 
 _IMAGE = types.uint8[:, :, ::1]
 _MASK = types.uint8[:, ::1]
 
 
-@njit(types.void(_IMAGE, _MASK, _IMAGE, _MASK), cache=True, nogil=True, boundscheck=False)
+@kernel(types.void(_IMAGE, _MASK, _IMAGE, _MASK))
 def _push(image, mask, half, half_mask):  # type: ignore[no-untyped-def]
     """Each pixel of the half-size picture: mean of the up to four valid pixels below it; mask 1 when there is any."""
     rows, columns = mask.shape
@@ -39,7 +41,7 @@ def _push(image, mask, half, half_mask):  # type: ignore[no-untyped-def]
                 half[j, i, 2] = (2 * b + n) // (2 * n)
 
 
-@njit(types.void(_IMAGE, _MASK, _IMAGE), cache=True, nogil=True, boundscheck=False)
+@kernel(types.void(_IMAGE, _MASK, _IMAGE))
 def _pull(image, mask, half):  # type: ignore[no-untyped-def]
     """Invalid pixels from the filled half-size picture, bilinear with weights 9, 3, 3, 1."""
     rows, columns = mask.shape

@@ -7,7 +7,9 @@ streams; a fixed number of places for every parent pixel was half as fast.
 from __future__ import annotations
 
 import numpy as np
-from numba import from_dtype, njit, types
+from numba import from_dtype, types
+
+from farfield.kernels.compiling import kernel
 
 CANDIDATE = np.dtype(
     [
@@ -41,9 +43,8 @@ CANDIDATES = from_dtype(CANDIDATE)[::1]
 HEADS = types.int32[:, ::1]
 
 
-@njit(
+@kernel(
     types.int64(_U16, _U8x3, _U8x3, _U8, _U8, _U8, _U32, from_dtype(PLACE)[::1], CANDIDATES, types.int64, HEADS),
-    cache=True, nogil=True, boundscheck=False,
 )  # fmt: skip
 def gather(  # type: ignore[no-untyped-def]
     depth, color, normal, length, coverage, connected, objects, place, candidates, used, heads

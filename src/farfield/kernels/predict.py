@@ -8,7 +8,9 @@ predicted only from neighbours on the same surface, as the depth tells (-24 % on
 
 from __future__ import annotations
 
-from numba import njit, types
+from numba import types
+
+from farfield.kernels.compiling import device, kernel
 
 _MASK = types.Array(types.uint8, 2, "C", readonly=True)
 _DEPTH = types.Array(types.uint16, 2, "C", readonly=True)
@@ -27,7 +29,7 @@ NEAR = 8
 _FAR = 1 << 20
 
 
-@njit(inline="always")
+@device
 def _median_edge(a, b, d):  # type: ignore[no-untyped-def]
     """West a, north b, north-west d: across an edge the one on this side, else the plane through them."""
     low = min(a, b)
@@ -39,7 +41,7 @@ def _median_edge(a, b, d):  # type: ignore[no-untyped-def]
     return a + b - d
 
 
-@njit(inline="always")
+@device
 def _predicted_depth(depth, y, x, last):  # type: ignore[no-untyped-def]
     """Prediction of depth[y, x] from what comes before it; last: the previous value in valid order."""
     a = types.int32(depth[y, x - 1]) if x > 0 else types.int32(0)
@@ -58,7 +60,7 @@ def _predicted_depth(depth, y, x, last):  # type: ignore[no-untyped-def]
     return last
 
 
-@njit(types.int64(_DEPTH, _OUT, _OUT), cache=True, nogil=True, boundscheck=False)
+@kernel(types.int64(_DEPTH, _OUT, _OUT))
 def depth_residuals(depth, high, low):  # type: ignore[no-untyped-def]
     """Residuals of valid depths, zigzag, split into their bytes; returns how many.
 
@@ -82,7 +84,7 @@ def depth_residuals(depth, high, low):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(types.int64(_MASK, _BYTES, _BYTES, types.uint16[:, ::1]), cache=True, nogil=True, boundscheck=False)
+@kernel(types.int64(_MASK, _BYTES, _BYTES, types.uint16[:, ::1]))
 def restore_depth(mask, high, low, depth):  # type: ignore[no-untyped-def]
     """Undo depth_residuals; returns how many valid depths came out as 0, which no writer makes.
 
@@ -107,14 +109,14 @@ def restore_depth(mask, high, low, depth):  # type: ignore[no-untyped-def]
     return zeros
 
 
-@njit(inline="always")
+@device
 def _away(depth, y, x, here):  # type: ignore[no-untyped-def]
     """Steps between the depth `here` and that of a neighbour; _FAR when there is nothing."""
     there = types.int32(depth[y, x])
     return abs(there - here) if there > 0 else types.int32(_FAR)
 
 
-@njit(inline="always")
+@device
 def _same_surface(depth, y, x):  # type: ignore[no-untyped-def]
     """Which of the neighbours west 1, north 2, north-west 4, north-east 8 lie on the surface of pixel (y, x), as bits.
 
@@ -134,7 +136,7 @@ def _same_surface(depth, y, x):  # type: ignore[no-untyped-def]
     return (west <= limit) | ((north <= limit) << 1) | ((corner <= limit) << 2) | ((east <= limit) << 3)
 
 
-@njit(inline="always")
+@device
 def _predicted_normal(normal, y, x, c, bits, last):  # type: ignore[no-untyped-def]
     """Prediction of coordinate c from the neighbours of _same_surface."""
     if bits & 3 == 3:
@@ -154,7 +156,7 @@ def _predicted_normal(normal, y, x, c, bits, last):  # type: ignore[no-untyped-d
     return last
 
 
-@njit(types.int64(_DEPTH, _NORMAL, _OUT, _OUT), cache=True, nogil=True, boundscheck=False)
+@kernel(types.int64(_DEPTH, _NORMAL, _OUT, _OUT))
 def normal_residuals(depth, normal, first, second):  # type: ignore[no-untyped-def]
     """Residuals of both normal coordinates modulo 64, in valid order; returns how many.
 
@@ -179,7 +181,7 @@ def normal_residuals(depth, normal, first, second):  # type: ignore[no-untyped-d
     return n
 
 
-@njit(types.int64(_DEPTH, _BYTES, _BYTES, types.uint8[:, :, ::1]), cache=True, nogil=True, boundscheck=False)
+@kernel(types.int64(_DEPTH, _BYTES, _BYTES, types.uint8[:, :, ::1]))
 def restore_normals(depth, first, second, normal):  # type: ignore[no-untyped-def]
     """Undo normal_residuals; returns how many.
 

@@ -45,6 +45,7 @@ def composite(children: Sequence[Sequence[OrthoLayer]], layers: int) -> list[Ort
     most_in_a_row = 2 * sum(s.shape[1] for _, _, s in sources)
     step = max(1, min(rows, BAND_BYTES // (most_in_a_row * CANDIDATE.itemsize)))
     candidates = np.empty(step * most_in_a_row, CANDIDATE)
+    scratch = np.empty((2, 4 * len(sources)), np.int64)
     for top in range(0, rows, step):
         band = surfaces[top : top + step]
         heads = np.full(band.shape[:2], -1, np.int32)
@@ -53,7 +54,7 @@ def composite(children: Sequence[Sequence[OrthoLayer]], layers: int) -> list[Ort
             used = _gather(layer, (cell, index), (x, y + top), candidates, used, heads)
         thresholds = np.roll(BAYER, (-(y + top) % 8, -x % 8), (0, 1))
         kernel.resolve(
-            candidates, heads, 4 * len(sources), SEPARATION_STEPS, thresholds, DECODED, LINEAR_OF_BYTE,
+            candidates, heads, scratch, SEPARATION_STEPS, thresholds, DECODED, LINEAR_OF_BYTE,
             BYTE_OF_LINEAR, band,
         )  # fmt: skip
     keeps_objects = any(layer.objects is not None for _, _, layer in sources)
@@ -96,7 +97,9 @@ def _gather(
 
 def _cropped(surfaces: NDArray[np.void], index: int, x: int, y: int, keeps_objects: bool) -> OrthoLayer | None:
     """(rows, columns, layers) SURFACE -> one layer inside the rectangle of what is there; None when nothing is."""
-    top, bottom, left, right, lowest, highest = (int(n) for n in kernel.extent(surfaces, index))
+    found = np.empty(6, np.int64)
+    kernel.extent(surfaces, index, found)
+    top, bottom, left, right, lowest, highest = found.tolist()
     if bottom < 0:
         return None
     if highest - lowest >= np.iinfo(np.uint16).max:
