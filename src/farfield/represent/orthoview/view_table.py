@@ -35,7 +35,7 @@ def choose_views(
     """For each of the 26 view bins the numbers of up to 5 directions that together show most, best first.
 
     layers: the one or two layers of each baked direction by its number; directions without layers show nothing.
-    Deterministic. Bins from which nothing is seen get no directions.
+    Every bin gets at least one direction unless there is no layer at all. Deterministic.
     """
     views = [d for d in directions if layers.get(d.number)]
     if not views:
@@ -55,8 +55,17 @@ def choose_views(
         camera = _camera(np.array(vector, dtype=np.float64), EYE_DISTANCE * size)
         draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest, quality)
         count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), chosen)
-        table.append(tuple(views[k].number for k in chosen[:count]))
+        order = [int(k) for k in chosen[:count]] or _nearest_by_angle(towards, vector)
+        table.append(tuple(views[k].number for k in order))
     return tuple(table)
+
+
+def _nearest_by_angle(towards: NDArray[np.float32], vector: tuple[int, int, int]) -> list[int]:
+    """For a bin that sees nothing but backs: an eye elsewhere in the bin may see more."""
+    x, y, z = vector
+    cosine = towards[:, 0] * x + towards[:, 1] * y + towards[:, 2] * z
+    order: list[int] = np.argsort(-cosine, kind="stable").tolist()
+    return order[:MOST_VIEWS]
 
 
 def _samples(

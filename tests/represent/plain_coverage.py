@@ -1,0 +1,19 @@
+"""The greedy choice of views, in plain Python."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def greedy(nearest: np.ndarray, quality: np.ndarray, tolerance: float, most: int) -> list[int]:
+    """nearest, quality: (views, p, p), 1e30 = nothing. What is hidden counts nothing; best gain first."""
+    shown = np.where(nearest <= nearest.min(0) + np.float32(tolerance), quality, 0)
+    chosen: list[int] = []
+    best = np.zeros(nearest.shape[1:], np.float32)
+    while len(chosen) < most:
+        gains = np.maximum(shown - best, 0).sum((1, 2))
+        if gains.max() <= 0:
+            break
+        chosen.append(int(np.argmax(gains)))
+        best = np.maximum(best, shown[chosen[-1]])
+    return chosen
