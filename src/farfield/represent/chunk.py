@@ -41,16 +41,7 @@ class Chunk:
     @classmethod
     def whole(cls, mesh: BlockedMesh) -> Chunk:
         """All triangles of a mesh in its own frame, its own material and object numbers."""
-        placed = mesh.placed(np.eye(3, 4), mesh.all_blocks)
-        return cls(
-            placed.positions.astype(np.float32),
-            placed.normals,
-            placed.uvs,
-            placed.colors,
-            placed.triangles,
-            placed.materials,
-            placed.objects,
-        )
+        return mesh.placed(np.eye(3, 4), mesh.all_blocks).chunk()
 
     @property
     def surface(self) -> Surface:

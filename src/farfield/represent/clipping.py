@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,10 @@ class Pieces:
     weights: NDArray[np.float64]
     """(p, 3, 3) float64: weights of the triangle's corners at each corner of the piece."""
 
+    def of(self, chosen: NDArray[np.bool_]) -> Pieces:
+        """Some of the entries."""
+        return Pieces(self.source[chosen], self.cell[chosen], self.piece[chosen], self.positions, self.weights)
+
 
 @dataclass(frozen=True, slots=True)
 class Triangles:
@@ -48,6 +52,18 @@ class Triangles:
     """(m,) uint32."""
     objects: NDArray[np.uint32]
     """(m,) uint32."""
+
+    def chunk(self) -> Chunk:
+        """The same in single precision, uncut."""
+        return Chunk(
+            self.positions.astype(np.float32),
+            self.normals,
+            self.uvs,
+            self.colors,
+            self.triangles,
+            self.materials,
+            self.objects,
+        )
 
 
 def clip_to_cells(
@@ -104,6 +120,34 @@ def assemble(surface: Triangles, pieces: Pieces, lower: NDArray[np.float64]) -> 
         np.concatenate([renumbered[whole], fresh]),
         surface.materials[order],
         surface.objects[order],
+    )
+
+
+def append_pieces(
+    chunk: Chunk, whole: NDArray[np.int32], source: NDArray[np.int32], weights: NDArray[np.float64]
+) -> Chunk:
+    """Some triangles of a chunk whole, and pieces of others, whose corners follow those of the chunk.
+
+    whole: (w,) int32. source: (p,) int32, the triangle of each piece; weights: (p, 3, 3) as in Pieces.
+    """
+    corners = chunk.triangles[source]
+    everything = np.arange(len(chunk.positions))
+    fresh = np.arange(3 * len(source), dtype=np.uint32).reshape(-1, 3) + np.uint32(len(everything))
+    order = np.concatenate([whole, source])
+    if len(source) == 0:
+        if len(whole) == len(chunk.triangles):
+            return chunk
+        return replace(
+            chunk, triangles=chunk.triangles[whole], materials=chunk.materials[whole], objects=chunk.objects[whole]
+        )
+    return Chunk(
+        np.concatenate([chunk.positions, _mixed(chunk.positions, corners, weights)]),
+        np.concatenate([chunk.normals, _mixed(chunk.normals, corners, weights)]),
+        _joined(chunk.uvs, everything, corners, weights),
+        _joined_colors(chunk.colors, everything, corners, weights),
+        np.concatenate([chunk.triangles[whole], fresh]),
+        chunk.materials[order],
+        chunk.objects[order],
     )
 
 

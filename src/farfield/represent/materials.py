@@ -28,9 +28,12 @@ class MaterialTable:
         return len(self.double_sided)
 
     @classmethod
-    def build(cls, materials: Sequence[Material]) -> MaterialTable:
-        """The table whose row i is materials[i]; textures used by several are kept once."""
-        pool = _Pool()
+    def build(cls, materials: Sequence[Material], pool: TexturePool | None = None) -> MaterialTable:
+        """The table whose row i is materials[i]; textures used by several are kept once.
+
+        pool: of an earlier table, whose textures are then not filtered again.
+        """
+        pool = pool or TexturePool()
         rows = [-1 if m.texture is None else pool.add(m.texture, masked=m.alpha_cutoff is not None) for m in materials]
         arrays = Materials(
             np.array([m.base_color for m in materials], dtype=np.float32).reshape(-1, 4),
@@ -44,7 +47,7 @@ class MaterialTable:
         return cls(arrays, np.array([m.double_sided for m in materials], dtype=np.uint8))
 
 
-class _Pool:
+class TexturePool:
     """Gathers textures; the same image is averaged differently with and without an alpha mask."""
 
     def __init__(self) -> None:
