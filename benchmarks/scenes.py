@@ -30,7 +30,7 @@ STATUES = ("pan", "theodoric_the_great", "jenner", "horse_head", "eagle")
 
 
 def tokyo(data: Path, folder: Path) -> Path:
-    """Prisms whose first vertex lies in the square; the ground reaches 20 m further. Returns the scene.toml."""
+    """Prisms whose first vertex lies in the square; the ground reaches below all of them. Returns the scene.toml."""
     x, y = MIDDLE
     shapes, heights = read_archive(data / "tokyo_core_lod2/roofs.npz", (x - 500, y - 500, x + 500, y + 500))
     write_flatgeobuf(folder / "buildings.fgb", shapes, heights)
@@ -39,7 +39,7 @@ def tokyo(data: Path, folder: Path) -> Path:
         'crs = "EPSG:6677"', f"origin = [{TOKYO_ORIGIN[0]}, {TOKYO_ORIGIN[1]}, 0.0]",
         'credits = ["github.com/indigo-lab/plateau-lod2-mvt, from Project PLATEAU (MLIT Japan); CC BY 4.0"]',
         '[[source]]\npath = "buildings.fgb"\nheight_attribute = "height"',
-        _ground(1040, "asphalt", (float(center[0]), float(center[1]))),
+        _ground(1240, "asphalt", (float(center[0]), float(center[1]))),
     ])  # fmt: skip
 
 
