@@ -13,8 +13,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 import shapely
-from farfield.cli import main
 
+from farfield.cli import main
 from farfield.scene.read import read_scene
 
 REPOSITORY = Path(__file__).parents[2]
