@@ -13,6 +13,7 @@ from farfield.cli.output import in_bytes, in_time, report
 
 if TYPE_CHECKING:
     from farfield.geometry.cameras import Camera
+    from farfield.view.left_out import LeftOut
     from farfield.view.picture import Picture
     from farfield.view.shading import Light
 
@@ -82,10 +83,8 @@ def command(
             views=views, layers=depth_layers, bias=bias, near_radius=near_radius, far_only=far_only,
         )  # fmt: skip
     else:
-        leave_out = cells_from if far_only else None
-        picture = _of_source(
-            place, camera, width_height, light, _grid(samples or SAMPLES_OF_SOURCES), leave_out, near_radius
-        )
+        left_out = _left_out(cells_from, camera, width_height, near_radius) if far_only else None
+        picture = _of_source(place, camera, width_height, light, _grid(samples or SAMPLES_OF_SOURCES), wanted, left_out)
     files = picture.save(output, None if transparent else light.sky_linear, wanted)
     report(_facts(picture, files), as_json=as_json, text=_text(picture, files))
 
@@ -145,10 +144,31 @@ def _of_source(
     width_height: tuple[int, int],
     light: Light,
     supersampling: int,
-    cells_from: Path | None,
-    near_radius: float | None,
+    written: tuple[str, ...],
+    left_out: LeftOut | None,
 ) -> Picture:
-    raise NotImplementedError
+    from farfield.scene.read import read_scene
+    from farfield.view.truth import TruthOptions, draw_truth
+
+    options = TruthOptions(supersampling, light, left_out, normals="normal" in written, ids="id" in written)
+    return draw_truth(read_scene([place]), camera, width_height, options)
+
+
+def _left_out(
+    cells_from: Path | None, camera: Camera, width_height: tuple[int, int], near_radius: float | None
+) -> LeftOut:
+    """The leaves of a world that its own far field would leave out."""
+    from farfield.errors import OptionError
+    from farfield.store import open_store
+    from farfield.view.left_out import LeftOut
+    from farfield.view.renderer import picture_radius
+    from farfield.world.world import World
+
+    if cells_from is None:
+        raise OptionError("which cells are far depends on a world", "--far-only", "name it with --cells-from WORLD")
+    world = World.open(open_store(cells_from))
+    radius = picture_radius(world, camera, width_height) if near_radius is None else near_radius
+    return LeftOut(world.grid, camera.eye, radius)
 
 
 def _facts(picture: Picture, files: list[Path]) -> dict[str, Any]:

@@ -10,14 +10,17 @@ from farfield.kernels.project import project_perspective
 from farfield.kernels.rasterise import rasterise
 from farfield.kernels.samples import fill_frame
 from farfield.kernels.surface import FAR, NOTHING
-from farfield.represent.chunk import Chunk
+from farfield.represent.chunk import Chunk, merge
 from farfield.represent.clipping import append_pieces
-from farfield.represent.materials import MaterialTable
+from farfield.represent.materials import MaterialTable, TexturePool
+from farfield.scene.model import Material
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
 
 NEAR_PLANE = 1e-3
 """Metres in front of the eye from which on triangles are drawn."""
+BATCH = 1 << 20
+"""Triangles drawn at once: about 150 MB; every batch also looks at each sample once."""
 _NO_LIMIT = np.empty((0, 0), dtype=np.float32)
 
 
@@ -72,3 +75,38 @@ class GeometryPass:
             room = pieces
         cut = append_pieces(chunk, whole[:kept], source[:pieces], weights[:pieces])
         return cut, np.concatenate([clip, corners[:pieces].reshape(-1, 3)])
+
+
+class Batches:
+    """Collects chunks and draws them many at once: every drawing also looks at each sample."""
+
+    def __init__(self, drawing: GeometryPass) -> None:
+        self.drawing = drawing
+        self._materials: list[Material] = []
+        self._pool = TexturePool()
+        self._table: MaterialTable | None = None
+        self._chunks: list[Chunk] = []
+        self._count = 0
+
+    def add_materials(self, materials: tuple[Material, ...]) -> int:
+        """Number of the first of a mesh's materials in the table."""
+        base = len(self._materials)
+        self._materials += materials
+        self._table = None
+        return base
+
+    def add(self, chunk: Chunk) -> None:
+        """Takes a chunk relative to the eye, its materials numbered in the table."""
+        self._chunks.append(chunk)
+        self._count += len(chunk.triangles)
+        if self._count >= BATCH:
+            self.flush()
+
+    def flush(self) -> None:
+        """Draws what is left; to be called at the end."""
+        if not self._chunks:
+            return
+        if self._table is None:
+            self._table = MaterialTable.build(self._materials, self._pool)
+        self.drawing.draw(merge(self._chunks), self._table)
+        self._chunks, self._count = [], 0

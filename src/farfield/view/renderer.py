@@ -17,6 +17,8 @@ from farfield.octree.cut import Cut, cut, near_radius, view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
+from farfield.view.geometry import Batches, GeometryPass
+from farfield.view.near import NearGeometry
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.tiles import TileCache, Wanted, places_of
@@ -144,9 +146,14 @@ class _Drawing:
                 self._splat(cell, layers, None)
 
     def draw_geometry(self, leaves: Iterable[CellKey]) -> None:
-        """Draws leaves as triangles."""
-        for _ in near_geometry(self._world, leaves):
-            raise NotImplementedError
+        """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry."""
+        entries = self._seen(leaves)
+        self.draw_pictures(entry.cell for entry in entries if entry.geometry is None)
+        reader = NearGeometry(self._world, self._eye)
+        drawing = GeometryPass(self.frame, self._options.light)
+        self.unreadable += reader.draw(entries, Batches(drawing))
+        self._triangles += drawing.triangles
+        self._bytes += reader.bytes
 
     def _seen(self, keys: Iterable[CellKey]) -> list[CellEntry]:
         entries = []
@@ -204,8 +211,3 @@ def chosen_directions(world: World, entry: CellEntry, eye: NDArray[np.float64], 
     directions = [d for d in world.manifest.direction_by_number.values() if d.number in there]
     directions.sort(key=lambda d: (-float((towards * np.array(d.vector)).sum()), d.number))
     return [d.number for d in directions[: options.views]]
-
-
-def near_geometry(world: World, leaves: Iterable[CellKey]) -> Iterable[object]:
-    """Triangles of the leaves, with instances clipped to them. None until leaves can be read back as geometry."""
-    return ()

@@ -13,18 +13,14 @@ from farfield.errors import InputError
 from farfield.geometry.cameras import Camera
 from farfield.geometry.frustum import Frustum
 from farfield.represent.blocks import BLOCK, BlockedMesh, transformed_boxes
-from farfield.represent.chunk import Chunk, merge
+from farfield.represent.chunk import Chunk
 from farfield.represent.clipping import assemble, clip_to_cells
-from farfield.represent.materials import MaterialTable, TexturePool
-from farfield.scene.model import Material, Scene
+from farfield.scene.model import Scene
 from farfield.view.frame import Frame
-from farfield.view.geometry import GeometryPass
+from farfield.view.geometry import BATCH, Batches, GeometryPass
 from farfield.view.left_out import LeftOut
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
-
-BATCH = 1 << 20
-"""Triangles drawn at once: about 150 MB; every batch also looks at each sample once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +47,7 @@ def draw_truth(scene: Scene, camera: Camera, size: tuple[int, int], options: Tru
     begun = time.perf_counter()
     options = options or TruthOptions()
     frame = Frame.empty(camera, size, options.supersampling, options.normals, options.ids)
-    gathered = _Gathered(GeometryPass(frame, options.light))
+    gathered = Batches(GeometryPass(frame, options.light))
     frustum = Frustum.of(camera, size)
     warnings = 0
     for mesh in np.unique(scene.instances.mesh):
@@ -109,39 +105,6 @@ class _Placed:
         transform = np.array(self.transform, dtype=np.float64)
         transform[:, 3] -= origin
         return transform
-
-
-class _Gathered:
-    """Collects chunks and draws them by the batch."""
-
-    def __init__(self, drawing: GeometryPass) -> None:
-        self.drawing = drawing
-        self._materials: list[Material] = []
-        self._pool = TexturePool()
-        self._table: MaterialTable | None = None
-        self._chunks: list[Chunk] = []
-        self._count = 0
-
-    def add_materials(self, materials: tuple[Material, ...]) -> int:
-        """Number of the first of a mesh's materials in the table."""
-        base = len(self._materials)
-        self._materials += materials
-        self._table = None
-        return base
-
-    def add(self, chunk: Chunk) -> None:
-        self._chunks.append(chunk)
-        self._count += len(chunk.triangles)
-        if self._count >= BATCH:
-            self.flush()
-
-    def flush(self) -> None:
-        if not self._chunks:
-            return
-        if self._table is None:
-            self._table = MaterialTable.build(self._materials, self._pool)
-        self.drawing.draw(merge(self._chunks), self._table)
-        self._chunks, self._count = [], 0
 
 
 def touches_all(frustum: Frustum, boxes: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -1,0 +1,95 @@
+"""Near geometry of a world as triangles: its leaves read back, instances clipped to them (spec/world.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.errors import CorruptTileError, MissingKeyError
+from farfield.octree.grid import CellKey
+from farfield.represent.blocks import BlockedMesh
+from farfield.represent.geometry.read import decode_texture, read_leaf_glb, read_mesh_glb
+from farfield.represent.geometry.write import PlacedMesh
+from farfield.scene.model import Texture
+from farfield.view.geometry import Batches
+from farfield.world.index import CellEntry, GeometryEntry
+from farfield.world.keys import geometry_key, mesh_key, texture_key
+from farfield.world.world import World
+
+_HINT = "run farfield verify"
+
+
+class NearGeometry:
+    """Draws leaves of a world as triangles, for one picture; meshes and textures that they share are read once."""
+
+    def __init__(self, world: World, eye: NDArray[np.float64]) -> None:
+        """eye: (3,) local metres."""
+        self._world, self._eye = world, eye
+        self._textures: dict[str, Texture] = {}
+        self._meshes: dict[str, tuple[BlockedMesh, int]] = {}
+        self.bytes = 0
+        """Encoded size of everything read so far."""
+
+    def draw(self, entries: Iterable[CellEntry], batches: Batches) -> int:
+        """Draws the leaves; returns how many could not be read."""
+        unreadable = 0
+        for entry in entries:
+            if entry.geometry is None:
+                continue
+            try:
+                self._draw_leaf(entry, entry.geometry, batches)
+            except CorruptTileError:
+                unreadable += 1
+        batches.flush()
+        return unreadable
+
+    def _draw_leaf(self, entry: CellEntry, geometry: GeometryEntry, batches: Batches) -> None:
+        key = geometry_key(entry.cell, geometry.hash)
+        found = read_leaf_glb(self._read(key), key, self._texture)
+        corner = self._world.grid.bounds(entry.cell)[0]
+        if found.mesh is not None:
+            mesh = BlockedMesh.from_mesh(found.mesh)
+            base = batches.add_materials(found.mesh.materials)
+            batches.add(mesh.placed(_moved(np.eye(3, 4), corner - self._eye), mesh.all_blocks, base).chunk())
+        for placed in found.placed:
+            self._draw_instances(placed, entry.cell, corner, batches)
+
+    def _draw_instances(self, placed: PlacedMesh, cell: CellKey, corner: NDArray[np.float64], batches: Batches) -> None:
+        """Each instance clipped to the leaf: the leaves that are drawn then show it whole, none twice."""
+        mesh, base = self._mesh(placed.mesh, batches)
+        index = (cell.x, cell.y, cell.z)
+        for transform, first in zip(placed.transforms, placed.objects, strict=True):
+            chunk = mesh.cell_chunk(_moved(transform, corner), self._world.grid, index, base, int(first))
+            if chunk is not None:
+                batches.add(replace(chunk, positions=(chunk.positions + (corner - self._eye)).astype(np.float32)))
+
+    def _mesh(self, name: str, batches: Batches) -> tuple[BlockedMesh, int]:
+        """The mesh and the number of its first material."""
+        if name not in self._meshes:
+            key = mesh_key(name)
+            mesh = read_mesh_glb(self._read(key), key, self._texture)
+            self._meshes[name] = BlockedMesh.from_mesh(mesh), batches.add_materials(mesh.materials)
+        return self._meshes[name]
+
+    def _texture(self, name: str) -> Texture:
+        if name not in self._textures:
+            key = texture_key(name)
+            self._textures[name] = decode_texture(self._read(key), key)
+        return self._textures[name]
+
+    def _read(self, key: str) -> bytes:
+        try:
+            data = self._world.store.get(key)
+        except MissingKeyError:
+            raise CorruptTileError("near geometry is missing", key, _HINT) from None
+        self.bytes += len(data)
+        return data
+
+
+def _moved(transform: NDArray[np.float64], shift: NDArray[np.float64]) -> NDArray[np.float64]:
+    moved = np.array(transform, dtype=np.float64)
+    moved[:, 3] += shift
+    return moved
