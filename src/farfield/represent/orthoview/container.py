@@ -18,7 +18,7 @@ MAXIMUM_SIDE = 4096
 """Columns or rows of a tile."""
 MAXIMUM_PLANES = 64
 _PROBE = 16384
-_WORTH = 0.97
+_WORTH = 0.9
 """Bytes of a plane tried with and without a search for repetitions, taken round three quarters of it: the low bytes
 of depth; and what part of the size must remain at most for the search to be worth five times the time."""
 RAW, DEFLATE, WEBP = 0, 1, 2
