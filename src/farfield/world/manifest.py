@@ -41,6 +41,15 @@ class RootRecord(msgspec.Struct, frozen=True):
     hash: str
 
 
+class ViewRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The camera with which a viewer begins."""
+
+    eye: Vector
+    target: Vector
+    fov: float = 50.0
+    """Vertical field of view, degrees."""
+
+
 class Statistics(msgspec.Struct, frozen=True):
     """What the bake counted."""
 
@@ -72,6 +81,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     credits: tuple[str, ...] = ()
     statistics: Statistics = msgspec.field(default_factory=Statistics)
     attributes: str | None = None
+    view: ViewRecord | None = None
+    """Camera to begin with; None: the viewer frames the bounds."""
 
     @property
     def octree(self) -> Grid:

@@ -1,0 +1,88 @@
+import { deflateRawSync } from "node:zlib";
+import { describe, expect, it } from "vitest";
+import * as core from "../src/core/index.js";
+import { crc32 } from "../src/core/crc32.js";
+import { readHash, writeHash } from "../src/app/hash.js";
+import { aimOf, overview, reachOf } from "../src/app/pose.js";
+
+const MANIFEST = {
+  format: "farfield-world", version: 1, generation: 3, name: "town", crs: null, origin: [0, 0, 0],
+  bounds: [[0, 0, 0], [8, 8, 2]],
+  grid: { leaf_size: 4, resolution: 64, corner: [-1, -1, -1], axis_levels: [2, 2, 0] },
+  directions: [{ number: 22, vector: [0, 0, 1] }],
+  depth_layers: 2, index_depth: 4, roots: [{ key: "2/0/0/0", hash: "aa" }], credits: ["someone"],
+};
+
+describe("decodeManifest", () => {
+  const read = (changes: object): core.Manifest => core.decodeManifest(JSON.stringify({ ...MANIFEST, ...changes }), "here");
+
+  it("reads what the bake writes", () => {
+    const manifest = read({ view: { eye: [1, 2, 3], target: [4, 5, 6] }, unknown: 1 });
+    expect(manifest).toMatchObject({ name: "town", generation: 3, credits: ["someone"], view: { eye: [1, 2, 3] } });
+    expect(manifest.grid.pitch(1)).toBe(0.125);
+    expect(manifest.directions.get(22)!.axes).toEqual({ u: [1, 0, 0], v: [0, -1, 0], w: [-0, -0, -1] });
+  });
+
+  it.each([
+    ["no JSON", "not-a-world", "<html>"],
+    ["something else", "not-a-world", "{}"],
+    ["a newer version", "version", JSON.stringify({ ...MANIFEST, version: 2 })],
+    ["an absurd grid", "not-a-world", JSON.stringify({ ...MANIFEST, grid: { ...MANIFEST.grid, resolution: 0 } })],
+    ["bounds that are none", "not-a-world", JSON.stringify({ ...MANIFEST, bounds: [[0, 0], 1] })],
+  ])("refuses %s", (_, tag, text) => {
+    expect(() => core.decodeManifest(text, "here")).toThrow(expect.objectContaining({ tag, where: "here" }));
+  });
+});
+
+describe("decodeIndexTile", () => {
+  const tile = (content: object): Uint8Array => {
+    const text = new TextEncoder().encode(JSON.stringify(content));
+    const bytes = new Uint8Array([...new Uint8Array(16), ...deflateRawSync(text)]);
+    const header = new DataView(bytes.buffer);
+    header.setUint32(0, 0x58494646, true);
+    header.setUint16(4, 1, true);
+    header.setUint32(8, text.length, true);
+    header.setUint32(12, crc32(text), true);
+    return bytes;
+  };
+
+  it("reads cells", async () => {
+    const cell = { key: "0/0/0/0", bounds: [[0, 0, 0], [1, 1, 1]], error: 0.5 };
+    expect(await core.decodeIndexTile(tile({ root: "0/0/0/0", cells: [cell] }), "here")).toEqual([cell]);
+  });
+
+  it("refuses damage", async () => {
+    const good = tile({ root: "0/0/0/0", cells: [] });
+    for (const at of [0, 4, 8, 12, good.length - 1]) {
+      const bad = good.slice();
+      bad[at]! ^= 1;
+      await expect(core.decodeIndexTile(bad, "here")).rejects.toMatchObject({ tag: "corrupt" });
+    }
+  });
+});
+
+describe("the address and the camera", () => {
+  it("finds the view again that it kept", () => {
+    const pose = { eye: [1.234, -5, 6] as const, target: [0, 0.5, 100000.25] as const, fov: 50 };
+    const kept = readHash(writeHash({ pose, sun: [225, 35] }), 40);
+    expect(kept).toEqual({ pose: { ...pose, eye: [1.23, -5, 6] }, sun: [225, 35] });
+    expect(readHash("#eye=1,2&target=x", 40)).toEqual({ pose: null, sun: null });
+  });
+
+  it("frames a box from the south-west, looking down", () => {
+    const { eye, target } = overview([0, 0, 0], [10, 10, 2], 4 / 3);
+    expect(target).toEqual([5, 5, 1]);
+    expect(eye[0]).toBeLessThan(0);
+    expect(eye[1]).toBeCloseTo(eye[0]);
+    const aim = aimOf({ eye, target, fov: 50 });
+    expect((aim.pitch * 180) / Math.PI).toBeCloseTo(-25);
+    reachOf(aim).forEach((part, n) => expect(part).toBeCloseTo(target[n]! - eye[n]!));
+  });
+});
+
+it("the core's public names are these", () => {
+  expect(Object.keys(core).sort()).toEqual([
+    "Cell", "FarfieldError", "Fetcher", "Grid", "PRINCIPAL", "SharedMeshes", "axesOf", "cut", "decodeIndexTile",
+    "decodeManifest", "decodeTile", "formatKey", "nearRadius", "parseKey", "viewBin",
+  ]);
+});

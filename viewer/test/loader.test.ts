@@ -1,0 +1,166 @@
+import { afterEach, describe, expect, it, vi } from "vitest";
+import { Backoff, type Connection } from "../src/core/backoff.js";
+import { corrupt } from "../src/core/errors.js";
+import { Fetcher } from "../src/core/fetch.js";
+import { Loader, type Preparer } from "../src/core/loader.js";
+import { Resource } from "../src/core/resource.js";
+import type { Want } from "../src/core/wants.js";
+
+type Answer = (key: string) => Response | Promise<Response>;
+
+/** Answers fetch, one key a request or as a batch; returns the keys asked for. */
+function serve(answer: Answer): string[] {
+  const asked: string[] = [];
+  vi.stubGlobal("fetch", (url: URL, init: RequestInit) => {
+    const keys = url.pathname.endsWith("/batch") ? url.searchParams.getAll("key") : [url.pathname.slice(1)];
+    asked.push(...keys);
+    return new Promise<Response>((resolve, reject) => {
+      init.signal?.addEventListener("abort", () => reject(new DOMException("stopped", "AbortError")));
+      const whole = url.pathname.endsWith("/batch") ? batch(keys, answer) : answer(keys[0]!);
+      Promise.resolve(whole).then(resolve, reject);
+    });
+  });
+  return asked;
+}
+
+async function batch(keys: string[], answer: Answer): Promise<Response> {
+  const parts: Uint8Array[] = [];
+  for (const key of keys) {
+    const found = await answer(key);
+    const bytes = new Uint8Array(await found.arrayBuffer());
+    const length = new Uint8Array(Uint32Array.of(found.ok ? bytes.length : 0xffffffff).buffer);
+    parts.push(length, ...(found.ok ? [bytes] : []));
+  }
+  return new Response(new Blob(parts as BlobPart[]));
+}
+
+const want = (resource: Resource, urgency = 1): Want => ({ resource, urgency, distance: 0, level: 0 });
+const resources = (count: number): Resource[] =>
+  Array.from({ length: count }, (_, n) => new Resource(`orthoview/${n}`, "orthoview", 1000, null));
+
+function makeLoader(budget = 1e6, prepare?: Preparer["prepare"]) {
+  const seen = { bad: [] as string[], connections: [] as Connection[], disposed: [] as string[] };
+  const fetcher = new Fetcher("http://world.test/");
+  const preparer: Preparer = {
+    prepare: prepare ?? ((_, bytes) => Promise.resolve({ size: bytes.length, install: () => bytes })),
+    dispose: ({ key }) => void seen.disposed.push(key),
+  };
+  const backoff = new Backoff(() => performance.now(), (connection) => seen.connections.push(connection));
+  const loader = new Loader(fetcher, backoff, preparer, budget, {
+    bad: ({ key }) => void seen.bad.push(key),
+    arrived: () => undefined,
+  });
+  return { loader, fetcher, seen };
+}
+
+const bytes = (count = 100) => new Response(new Uint8Array(count));
+const settle = (): Promise<void> => new Promise((resolve) => setTimeout(resolve, 20));
+
+afterEach(() => vi.unstubAllGlobals());
+
+describe("Loader", () => {
+  it("fetches what is wanted once, most urgent first", async () => {
+    const asked = serve(() => bytes());
+    const { loader } = makeLoader();
+    const list = resources(20);
+    loader.want(list.map((resource) => want(resource)), 1);
+    await settle();
+    loader.install(1e9);
+    loader.want(list.map((resource) => want(resource)), 2);
+    await settle();
+    expect(asked).toEqual(list.map(({ key }) => key));
+    expect(list.every(({ held }) => held)).toBe(true);
+    expect(loader.cache.bytes).toBe(2000);
+  });
+
+  it("asks for several values in one request where the server offers it", async () => {
+    const asked = serve((key) =>
+      key === "world.json" ? new Response("{}", { headers: { "Farfield-Batch": "batch" } }) : bytes(),
+    );
+    const { loader, fetcher, seen } = makeLoader();
+    await fetcher.manifest(new AbortController().signal);
+    const list = resources(40);
+    loader.want(list.map((resource) => want(resource)), 1);
+    await settle();
+    expect(asked).toHaveLength(41);
+    expect(fetcher.requests).toBe(2);
+    expect(seen.bad).toEqual([]);
+  });
+
+  it.each([true, false])("takes a missing value for bad and goes on with the others (in a batch: %s)", async (batched) => {
+    const headers: Record<string, string> = batched ? { "Farfield-Batch": "batch" } : {};
+    serve((key) => {
+      if (key === "world.json") return new Response("{}", { headers });
+      return key === "orthoview/1" ? new Response("", { status: 404 }) : bytes();
+    });
+    const { loader, fetcher, seen } = makeLoader();
+    await fetcher.manifest(new AbortController().signal);
+    const list = resources(3);
+    loader.want(list.map((resource) => want(resource)), 1);
+    await settle();
+    expect(seen.bad).toEqual(["orthoview/1"]);
+    expect(list.map(({ state }) => state)).toEqual(["ready", "bad", "ready"]);
+  });
+
+  it("asks once more for a damaged value before it gives it up", async () => {
+    const asked = serve(() => bytes());
+    const { loader, seen } = makeLoader(1e6, ({ key }) => Promise.reject(corrupt("damaged", key)));
+    loader.want([want(resources(1)[0]!)], 1);
+    await settle();
+    expect(asked).toEqual(["orthoview/0", "orthoview/0"]);
+    expect(seen.bad).toEqual(["orthoview/0"]);
+  });
+
+  it("gives up requests that nobody wants any more", async () => {
+    serve(() => new Promise(() => undefined));
+    const { loader } = makeLoader();
+    const [one] = resources(1);
+    loader.want([want(one!)], 1);
+    expect(one!.state).toBe("loading");
+    loader.want([], 2);
+    await settle();
+    expect(one!.state).toBe("absent");
+    expect(loader.underWay).toBe(0);
+  });
+
+  it("tries again after a while when the server is away", async () => {
+    let away = true;
+    const asked = serve(() => (away ? Promise.reject(new TypeError("failed to fetch")) : bytes()));
+    const { loader, seen } = makeLoader();
+    const [one] = resources(1);
+    loader.want([want(one!)], 1);
+    await settle();
+    expect(asked).toHaveLength(1);
+    expect(seen.connections).toMatchObject([{ online: false, failures: 1 }]);
+    away = false;
+    await new Promise((resolve) => setTimeout(resolve, 600));
+    expect(one!.state).toBe("ready");
+    expect(seen.connections.at(-1)).toMatchObject({ online: true });
+    expect(seen.bad).toEqual([]);
+  });
+
+  it("stays within its budget, dropping what was used the longest ago", async () => {
+    serve(() => bytes(1000));
+    const { loader, seen } = makeLoader(5000);
+    const list = resources(8);
+    for (let n = 0; n < 8; n++) {
+      loader.want([want(list[n]!)], n);
+      await settle();
+      loader.install(1e9);
+      loader.keep([list[n]!], n);
+      expect(loader.cache.bytes).toBeLessThanOrEqual(5000);
+    }
+    expect(seen.disposed).toEqual(["orthoview/0", "orthoview/1", "orthoview/2"]);
+    expect(list.map(({ state }) => state === "held")).toEqual([false, false, false, true, true, true, true, true]);
+  });
+
+  it("uploads no more than a frame's share at a time", async () => {
+    serve(() => bytes(1000));
+    const { loader } = makeLoader();
+    const list = resources(6);
+    loader.want(list.map((resource) => want(resource)), 1);
+    await settle();
+    loader.install(2500);
+    expect(list.filter(({ held }) => held)).toHaveLength(3);
+  });
+});

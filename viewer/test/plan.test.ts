@@ -1,0 +1,126 @@
+import { describe, expect, it } from "vitest";
+import { COVERED, HOLE, HoleTable } from "../src/core/holes.js";
+import { makePlan, type Plan } from "../src/core/plan.js";
+import { listWants, URGENCY } from "../src/core/wants.js";
+import { DIRECTIONS, hold, makeWorld, MANIFEST, tilesOf, view } from "./worlds.js";
+
+const drawn = (plan: Plan): string[] => plan.pictures.map(({ cell }) => cell.name);
+const plan = (root: Parameters<typeof makePlan>[0][number], changes = {}): Plan => makePlan([root], DIRECTIONS, view(changes));
+
+describe("makePlan", () => {
+  it("draws nothing while nothing is held", () => {
+    expect(drawn(plan(makeWorld().root))).toEqual([]);
+  });
+
+  it("lets the root stand in for everything", () => {
+    const { root } = makeWorld();
+    hold(tilesOf(root));
+    const [draw, ...others] = plan(root).pictures;
+    expect(others).toEqual([]);
+    expect(draw).toMatchObject({ cell: root, holes: HOLE });
+    expect(draw!.tiles.map(({ key }) => key.split("/")[5])).toEqual(["4", "14"]);
+  });
+
+  it("draws each cell of the cut once all its wanted views are there, and the root in the holes between", () => {
+    const { root, cells } = makeWorld();
+    hold(tilesOf(root));
+    hold(tilesOf(cells.get("0/0/0/0")!));
+    hold(tilesOf(cells.get("0/3/1/0")!).slice(0, 1));
+    const found = plan(root);
+    expect(drawn(found)).toEqual(["0/0/0/0", "2/0/0/0"]);
+    expect(found.standIns).toBe(1);
+    // Octants: bit 0 is x, bit 1 is y. Of the lower left quarter all but its own lower left is a hole.
+    expect(found.pictures[1]!.holes).toEqual([[COVERED, HOLE, HOLE, HOLE, 0, 0, 0, 0], HOLE, HOLE, HOLE, 0, 0, 0, 0]);
+  });
+
+  it("lets the nearest ancestor that is held stand in", () => {
+    const { root, cells } = makeWorld();
+    for (const name of ["2/0/0/0", "1/1/1/0", "0/3/3/0"]) hold(tilesOf(cells.get(name)!));
+    const found = plan(root);
+    expect(drawn(found)).toEqual(["0/3/3/0", "1/1/1/0", "2/0/0/0"]);
+    expect(found.pictures[1]!.holes).toEqual([HOLE, HOLE, HOLE, COVERED, 0, 0, 0, 0]);
+    expect(found.pictures[2]!.holes).toEqual([HOLE, HOLE, HOLE, COVERED, 0, 0, 0, 0]);
+  });
+
+  it("keeps finer cells until the coarser one has come", () => {
+    const { root, cells } = makeWorld();
+    const leaves = [...cells.values()].filter(({ level }) => level === 0);
+    for (const leaf of leaves) hold(tilesOf(leaf));
+    const far = { eye: [2, 2, 500], radius: 1 };
+    expect(drawn(plan(root, far))).toHaveLength(16);
+    hold(tilesOf(root));
+    expect(drawn(plan(root, far))).toEqual(["2/0/0/0"]);
+  });
+
+  it("keeps old directions until the new ones have come", () => {
+    const { root } = makeWorld();
+    const far = { eye: [2, 2, 500], radius: 1, choice: { views: 1, layers: 1 } };
+    hold(tilesOf(root).slice(2));
+    expect(plan(root, far).pictures[0]!.tiles.map(({ key }) => key)).toEqual(["orthoview/2/0/0/0/22/0-00"]);
+    hold(tilesOf(root).slice(0, 1));
+    expect(plan(root, far).pictures[0]!.tiles.map(({ key }) => key)).toEqual(["orthoview/2/0/0/0/4/0-00"]);
+  });
+
+  it("draws near leaves as geometry when it is there, else from pictures", () => {
+    const { root, cells } = makeWorld();
+    const near = { near: 0.1 };
+    const leaf = cells.get("0/2/2/0")!;
+    hold(tilesOf(leaf));
+    expect(drawn(plan(root, near))).toEqual(["0/2/2/0"]);
+    hold([leaf.geometry!.leaf]);
+    const found = plan(root, near);
+    expect(drawn(found)).toEqual([]);
+    expect(found.geometry).toEqual([leaf.geometry]);
+    expect(plan(root, { ...near, farOnly: true }).geometry).toEqual([]);
+  });
+
+  it("leaves out what is outside the frustum", () => {
+    const { root, cells } = makeWorld();
+    for (const cell of cells.values()) hold(tilesOf(cell));
+    // East of x = 2.5 (a splat may reach 4 pitches, 0.25 m, beyond its cell).
+    const frustum = [{ normal: [1, 0, 0], offset: -2.5 }];
+    expect(drawn(plan(root, { frustum }))).toHaveLength(8);
+  });
+
+  it("draws a root with a bad tile from what there is", () => {
+    const { root } = makeWorld();
+    const far = { eye: [2, 2, 500], radius: 1 };
+    const [first, ...others] = tilesOf(root);
+    hold(others.slice(0, 1));
+    first!.state = "bad";
+    expect(plan(root, far).pictures[0]).toMatchObject({ cell: root, holes: HOLE });
+  });
+});
+
+describe("listWants", () => {
+  it("wants the root first, then what is seen from near to far, then what stands in, then the rest", () => {
+    const { root } = makeWorld();
+    const seen = view({ eye: [0.1, 0.1, 0.5], frustum: [{ normal: [-1, 0, 0], offset: 1.5 }] });
+    const wants = listWants([root], makePlan([root], DIRECTIONS, seen), MANIFEST, seen);
+    expect(wants.slice(0, 2).every(({ resource }) => resource.cell === root)).toBe(true);
+    const urgencies = wants.map(({ urgency }) => urgency);
+    expect(urgencies).toEqual([...urgencies].sort());
+    const distances = wants.filter(({ urgency }) => urgency === URGENCY.seen).map(({ distance }) => distance);
+    expect(distances).toEqual([...distances].sort((a, b) => a - b));
+    expect(distances).toHaveLength(2 * 8);
+  });
+
+  it("wants the parent of a cell with a bad tile", () => {
+    const { root, cells } = makeWorld();
+    tilesOf(cells.get("0/0/0/0")!)[1]!.state = "bad";
+    const everything = view();
+    const wants = listWants([root], makePlan([root], DIRECTIONS, everything), MANIFEST, everything);
+    const parents = wants.filter(({ resource, urgency }) => urgency === URGENCY.seen && resource.cell?.name === "1/0/0/0");
+    expect(parents).toHaveLength(2);
+  });
+});
+
+describe("HoleTable", () => {
+  it("writes nodes of eight words", () => {
+    const table = new HoleTable();
+    expect(table.add(HOLE)).toBe(HOLE);
+    const place = table.add([HOLE, COVERED, [COVERED, HOLE, 0, 0, 0, 0, 0, 0], 0, 0, 0, 0, 0]);
+    expect(place).toBe(8);
+    expect(table.words.slice(8, 24)).toEqual([HOLE, COVERED, 16, 0, 0, 0, 0, 0, COVERED, HOLE, 0, 0, 0, 0, 0, 0]);
+  });
+});
