@@ -1,4 +1,4 @@
-"""Writes the cameras of the quality benchmark: `python benchmarks/cameras/make.py`. They are committed; see README.md.
+"""Writes the cameras of the quality benchmark: `python benchmarks/cameras/make.py`. They are committed.
 
 NAME.json: 12 cameras inside the scene that look across it, with far field from r on. NAME_far.json: 12 cameras at its
 edge, for near radius 4 r. Leaf sizes as in bench_quality.py.
@@ -15,7 +15,11 @@ import numpy as np
 from farfield.geometry.cameras import vertical_fov
 
 SIZE = 640, 480
-SCENES = {"tokyo": (128.0, 500.0, (192.0, 1388.0)), "forest": (32.0, 100.0, (0.0, 0.0)), "statues": (4.0, 14.0, (0.0, 0.0))}
+SCENES = {
+    "tokyo": (128.0, 500.0, (192.0, 1388.0)),
+    "forest": (32.0, 100.0, (0.0, 0.0)),
+    "statues": (4.0, 14.0, (0.0, 0.0)),
+}
 """Leaf size, half of the side, middle; metres."""
 
 
