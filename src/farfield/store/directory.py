@@ -139,8 +139,10 @@ class DirectoryStore:
         incoming.mkdir(parents=True, exist_ok=True)
         oldest = time.time() - STALE_SECONDS
         for entry in os.scandir(incoming):
-            if entry.stat(follow_symlinks=False).st_mtime < oldest:
-                Path(entry.path).unlink(missing_ok=True)
+            # Another process may move its value into place, or clear the same file, at any moment.
+            with suppress(FileNotFoundError):
+                if entry.stat(follow_symlinks=False).st_mtime < oldest:
+                    os.unlink(entry.path)
         self._ready = True
 
     def _missing(self, key: str) -> Never:
