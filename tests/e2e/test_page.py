@@ -1,0 +1,150 @@
+"""The page on a baked world: opens, draws as the reference renderer does, flies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from e2e.browsing import Visit, psnr
+
+from farfield.geometry.cameras import Camera
+from farfield.geometry.color import linear_from_srgb
+from farfield.store import DirectoryStore
+from farfield.view.renderer import RenderOptions, render_world
+from farfield.world.world import World
+
+Triple = tuple[float, float, float]
+SKY = linear_from_srgb(np.array([158, 191, 235]) / 255)
+CAMERAS: list[tuple[Triple, Triple]] = [
+    ((-40.0, -42.0, 30.0), (0.0, 0.0, 0.0)),
+    ((45.0, 10.0, 8.0), (0.0, 0.0, 2.0)),
+    ((-90.0, 60.0, 50.0), (0.0, 0.0, 0.0)),
+]
+
+
+def test_opens_without_errors_and_soon_shows_a_complete_picture(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.complete()
+    stats = page.stats()
+    assert stats["first_picture_ms"] < 20_000, "5 s on a machine of our own; tests share theirs"
+    assert stats["tiles_missing"] == stats["tiles_pending"] == 0
+    assert stats["splats"] + stats["triangles"] > 500
+    page.says("made for tests")
+    page.says("Figures")
+    assert np.ptp(page.picture(), axis=(0, 1)).max() > 100
+
+
+@pytest.mark.parametrize(("eye", "target"), CAMERAS)
+@pytest.mark.parametrize("samples", [1, 2])
+def test_draws_what_the_reference_renderer_draws(
+    address: str, visit: Callable[..., Visit], world: DirectoryStore, eye: Triple, target: Triple, samples: int
+) -> None:
+    page = visit(address)
+    page.complete()
+    page.options(supersampling=samples, nearRadius=0)
+    page.look(eye, target)
+    options = RenderOptions(supersampling=samples, near_radius=0.0)
+    expected = render_world(World.open(world), Camera(eye, target, 46.8), (640, 480), options).pixels(SKY)
+    assert psnr(page.picture(), expected) >= 30
+
+
+def test_near_geometry_is_lit_like_the_pictures(
+    address: str, visit: Callable[..., Visit], world: DirectoryStore
+) -> None:
+    page = visit(address)
+    page.complete()
+    page.options(supersampling=2, nearRadius=30)
+    page.look((-34.0, -36.0, 12.0), (0.0, 0.0, 2.0))
+    stats = page.stats()
+    assert stats["triangles"] > 20
+    assert stats["splats"] > 1000
+    options = RenderOptions(supersampling=2, near_radius=30.0)
+    camera = Camera((-34.0, -36.0, 12.0), (0.0, 0.0, 2.0), 46.8)
+    expected = render_world(World.open(world), camera, (640, 480), options).pixels(SKY)
+    assert psnr(page.picture(), expected) >= 30
+
+
+def test_light_changes_without_fetching(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.complete()
+    before, fetched = page.picture(), len(page.fetched)
+    page.options(light={"azimuth": 45, "elevation": 10, "ambient": 0.1})
+    page.complete()
+    assert psnr(page.picture(), before) < 30
+    assert len(page.fetched) == fetched
+
+
+def test_the_address_keeps_the_view(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address + "#eye=-30,-20,9&target=1,2,3&fov=40&sun=90,20")
+    page.complete()
+    assert page.do("farfield.getCamera()") == {"eye": [-30, -20, 9], "target": [1, 2, 3], "fov": 40}
+    assert page.do("farfield.world.options.light.azimuth") == 90
+    page.page.locator("#picture").hover(position={"x": 200, "y": 300})
+    page.page.mouse.wheel(0, -300)
+    page.page.wait_for_function("!location.hash.includes('eye=-30,-20,9&')")
+    assert "fov=40" in page.page.url
+
+
+def test_keys_mouse_and_panel_move_what_they_should(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.complete()
+    keyboard, mouse = page.page.keyboard, page.page.mouse
+
+    def moved(by: Callable[[], None], part: str) -> bool:
+        before = json.dumps(page.do("farfield.getCamera()")[part])
+        by()
+        return json.dumps(page.do("farfield.getCamera()")[part]) != before
+
+    def fly() -> None:
+        keyboard.down("w")
+        page.page.wait_for_timeout(500)
+        keyboard.up("w")
+
+    def orbit() -> None:
+        mouse.move(150, 300)
+        mouse.down()
+        mouse.move(190, 320, steps=3)
+        mouse.up()
+
+    page.page.locator("#picture").focus()
+    assert moved(fly, "target")
+    assert moved(orbit, "eye")
+    page.page.get_by_label("Elevation").fill("80")
+    assert page.do("farfield.world.options.light.elevation") == 80
+    page.page.get_by_label("Hide figures and controls").click()
+    assert not page.page.get_by_text("Figures").is_visible()
+
+
+def test_twenty_seconds_of_flight(address: str, visit: Callable[..., Visit]) -> None:
+    """No error, no tile fetched while it is held, memory within the budget."""
+    page = visit(address)
+    page.complete()
+    budget = 3 << 20
+    page.options(cacheBytes=budget, supersampling=1, nearRadius=20)
+    result = page.do(
+        """async () => {
+          const begun = performance.now(), most = {cache: 0, frames: farfield.stats().frames};
+          farfield.world.events.on("bad", ({key}) => { throw new Error(key); });
+          for (let t = 0; t < 20; t = (performance.now() - begun) / 1000) {
+            const a = t / 20 * 2 * Math.PI, r = 45 + 25 * Math.sin(2 * a);
+            farfield.setCamera({eye: [r * Math.cos(a), r * Math.sin(a), 12 + 10 * Math.sin(3 * a)], target: [0, 0, 2]});
+            await new Promise(requestAnimationFrame);
+            most.cache = Math.max(most.cache, farfield.stats().cache_bytes);
+          }
+          await farfield.whenComplete();
+          return {...most, frames: farfield.stats().frames - most.frames, stats: farfield.stats()};
+        }"""
+    )
+    assert result["cache"] <= budget * 1.1
+    assert result["frames"] > 20
+    assert result["stats"]["tiles_missing"] == 0
+
+
+def test_what_is_held_is_not_fetched_again(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.options(nearRadius=20)
+    for eye, target in [*CAMERAS, *CAMERAS]:
+        page.look(eye, target)
+    assert len(page.fetched) == len(set(page.fetched)) > 50
