@@ -1,0 +1,113 @@
+"""Throughput of the bake on the objects world, from scene on disk to a verified world, and where its time goes.
+
+    farfield bench bake [--quick] [--json]
+
+9 directions, two depth layers, every level, codec included; a leaf pixel is 1/100 of an object's diameter. The
+statues of the large inputs are the objects where they are at hand, else made ones. One worker against two; the
+profile is of one process, by processor time.
+"""
+
+from __future__ import annotations
+
+import cProfile
+import os
+import pstats
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from farfield.bake.bake import bake
+from farfield.bake.options import BakeOptions
+from farfield.pipeline import peak_rss_bytes
+from farfield.scene.procedural.objects import ObjectsOptions, make_objects
+from farfield.scene.read import read_scene
+from farfield.store.directory import DirectoryStore
+from farfield.world.verification import verify_world
+from farfield.world.world import World
+
+DATA = Path(os.environ.get("FARFIELD_SHARED_DATA", Path(__file__).parents[2] / "shared/data"))
+STATUES = ("pan", "theodoric_the_great", "jenner", "horse_head", "eagle")
+
+STAGES = {
+    "read and survey": ("scene/", "bake/survey", "blocks.py"),
+    "clip": ("clip.py", "clipping.py", "chunk.py"),
+    "rasterise": ("rasterise", "project.py", "edges.py", "orthoview/leaf.py"),
+    "resolve": ("resolve.py", "quantise.py", "texture.py", "materials.py"),
+    "connect": ("connect.py", "connectivity.py"),
+    "encode": (
+        "predict.py",
+        "fill.py",
+        "webp.py",
+        "tile.py",
+        "container.py",
+        "object_tile.py",
+        "compress",
+        "WebPEncode",
+    ),
+    "composite": ("composite.py", "gather.py", "parent.py", "'decompress'", "WebPAnimDecoder"),
+    "choose views": ("coverage.py", "view_table.py"),
+    "near geometry": ("represent/geometry",),
+    "store": ("store/", "fsync", "posix", "open"),
+}
+"""Stage -> parts of the names of files and built-in functions whose own time it counts; the first that fits."""
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Source triangles a second, bytes, memory, and shares of time by stage."""
+    with tempfile.TemporaryDirectory(prefix="farfield-bake-") as name:
+        folder = Path(name)
+        scene = make_objects(folder / "scene", _objects(quick))
+        options = BakeOptions(leaf_size=64.0, resolution=64 if quick else 640, directions="9")
+        facts: dict[str, Any] = {"triangles": scene.triangles, "source_bytes": scene.bytes}
+        for workers in (1,) if quick else (1, 2):
+            facts[f"workers_{workers}"] = _timed(
+                scene.path, folder / f"world-{workers}", replace(options, workers=workers)
+            )
+        facts["profile"] = _profile(scene.path, folder / "profiled", replace(options, workers=1))
+        return facts
+
+
+def _objects(quick: bool) -> ObjectsOptions:
+    if quick:
+        return ObjectsOptions(count=4, triangles=2000)
+    statues = tuple(DATA / "threedscans_statues" / f"{name}.glb" for name in STATUES)
+    found = statues if all(path.exists() for path in statues) else ()
+    return ObjectsOptions(count=125, meshes=found)
+
+
+def _timed(scene: Path, world: Path, options: BakeOptions) -> dict[str, Any]:
+    store = DirectoryStore(world)
+    begun = time.monotonic()
+    result = bake(read_scene([scene]), store, options)
+    baked = time.monotonic()
+    bad = verify_world(World.open(store)).faults
+    seconds = time.monotonic() - begun
+    statistics = result.manifest.statistics
+    return {
+        "triangles_per_second": round(statistics.triangles / seconds),
+        "seconds": round(seconds, 2),
+        "verify_seconds": round(time.monotonic() - baked, 2),
+        "bad": len(bad),
+        "cells": statistics.cells,
+        "orthoviews": statistics.orthoviews,
+        "bytes": statistics.bytes,
+        "peak_rss_bytes": peak_rss_bytes(),
+    }
+
+
+def _profile(scene: Path, world: Path, options: BakeOptions) -> dict[str, float]:
+    """Share of processor time by stage."""
+    profiler = cProfile.Profile(time.process_time)
+    profiler.enable()
+    bake(read_scene([scene]), DirectoryStore(world), options)
+    profiler.disable()
+    shares = dict.fromkeys([*STAGES, "other"], 0.0)
+    total = 0.0
+    for (file, _, function), (_, _, own, _, _) in pstats.Stats(profiler).stats.items():  # type: ignore[attr-defined]
+        place = f"{file} {function}"
+        stage = next((s for s, parts in STAGES.items() if any(part in place for part in parts)), "other")
+        shares[stage] += own
+        total += own
+    return {stage: round(seconds / total, 3) for stage, seconds in shares.items()}
