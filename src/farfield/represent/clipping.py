@@ -155,7 +155,8 @@ def _mixed(
     values: NDArray[np.float32], corners: NDArray[np.uint32], weights: NDArray[np.float64]
 ) -> NDArray[np.float32]:
     mixed = np.einsum("pij,pjk->pik", weights, values[corners].astype(np.float64))
-    return mixed.reshape(-1, values.shape[1]).astype(np.float32)
+    rows: NDArray[np.float32] = mixed.reshape(-1, values.shape[1]).astype(np.float32)
+    return rows
 
 
 def _joined(

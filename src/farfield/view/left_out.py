@@ -28,7 +28,7 @@ class LeftOut:
     def sort(self, boxes: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """(b, 2, 3) boxes, metres from the grid's corner -> (b,) bool, (b,) bool: shown whole; to be cut to cells.
 
-        What is neither is left out whole. Boxes that are as long as a thousand cells are judged as one.
+        What is neither is left out whole.
         """
         room = self.grid.leaf_size / 65536
         first = np.floor((boxes[:, 0] - room) / self.grid.leaf_size).astype(np.int64)
@@ -49,4 +49,5 @@ class LeftOut:
     def _gaps(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
         lower = cells * self.grid.leaf_size
         eye = self._eye()
-        return np.maximum(np.maximum(lower - eye, eye - (lower + self.grid.leaf_size)), 0.0)
+        gap: NDArray[np.float64] = np.maximum(np.maximum(lower - eye, eye - (lower + self.grid.leaf_size)), 0.0)
+        return gap
