@@ -15,7 +15,7 @@ from farfield.represent.clipping import Triangles, clip_to_cell
 from farfield.scene.model import Mesh
 
 BLOCK = 512
-"""Triangles a block: boxes of a million triangles are 2,000 tests; cells share a fifth of the blocks at most."""
+"""Triangles a block: a mesh of a million triangles is 2,000 boxes to test against a cell."""
 
 
 @dataclass(frozen=True, slots=True)
