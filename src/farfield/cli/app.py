@@ -7,7 +7,6 @@ its function. That keeps `farfield --help` fast: 0.1 s, where numba alone takes 
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
 from typing import Annotated
 
 import typer
@@ -41,24 +40,13 @@ def build_app() -> typer.Typer:
         add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False, callback=_root, help=_ROOT_HELP
     )
     for name in COMMANDS:
-        module = _module_of(name)
-        if module is not None:
-            app.command(name)(module.command)
+        app.command(name)(importlib.import_module(f"farfield.cli.{name}").command)
     return app
 
 
 _ROOT_HELP = (
     "Bakes 3D scenes far too large for one machine into small pictures with depth, and shows them in a web page."
 )
-
-
-def _module_of(name: str) -> ModuleType | None:
-    try:
-        return importlib.import_module(f"farfield.cli.{name}")
-    except ModuleNotFoundError as error:
-        if error.name != f"farfield.cli.{name}":
-            raise
-        return None
 
 
 def _show_version(wanted: bool) -> None:
