@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from e2e.browsing import FLAGS, Visit
-from e2e.world import town
 from playwright.sync_api import Browser, sync_playwright
 
+from e2e.browsing import FLAGS, Visit
+from e2e.world import town
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.serve.run import ServeOptions, serving
@@ -55,7 +55,7 @@ def browser(chromium: str | None) -> Iterator[Browser]:
 
 @pytest.fixture
 def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
-    """Opens a page of its own at an address; errors on its console fail the test unless it says that it expects them."""
+    """Opens pages, each of its own; errors on a console fail the test unless it says that it expects them."""
     visits: list[Visit] = []
 
     def opened(url: str, *, script: str = "", expect_errors: bool = False) -> Visit:

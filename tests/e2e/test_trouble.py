@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from e2e.browsing import Visit, psnr
 
+from e2e.browsing import Visit, psnr
 from farfield.serve.run import ServeOptions, serving
 from farfield.serve.viewer_files import install_viewer
 from farfield.store import DirectoryStore

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from bake.scenes import box, checkered, ground, quad_mesh, scene_of
 
+from bake.scenes import box, checkered, ground, quad_mesh, scene_of
 from farfield.scene.model import Material, Scene
 
 WALL = Material("wall", (0.8, 0.7, 0.6, 1.0))

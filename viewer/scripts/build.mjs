@@ -28,7 +28,7 @@ const common = {
   minify: !watching,
   target: ["chrome105", "firefox115", "safari16.4"],
   loader: { ".glsl": "text" },
-  legalComments: "none",
+  legalComments: "eof",
   logLevel: "warning",
 };
 

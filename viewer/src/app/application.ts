@@ -139,7 +139,7 @@ export class Application {
     this.moved = false;
     this.resize();
     const rested = start >= this.restUntil && !this.timer.busy;
-    if (this.world.update(this.camera, this.renderer, rested || this.world.stats.tiles_pending === 0)) {
+    if (this.world.update(this.camera, this.renderer, rested)) {
       this.renderer.render(this.scene, this.camera);
       this.frames++;
       this.timer.submitted(start);

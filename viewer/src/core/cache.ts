@@ -16,6 +16,11 @@ export class Cache {
     return this.entries.size;
   }
 
+  has(key: string): boolean {
+    for (const resource of this.entries) if (resource.key === key) return true;
+    return false;
+  }
+
   add(resource: Resource): void {
     this.entries.add(resource);
     this.bytes += resource.size;

@@ -33,14 +33,14 @@ export interface CellEntry {
 }
 
 /** Reads an index tile. Throws `corrupt` for anything else. */
-export async function decodeIndexTile(bytes: Uint8Array, where: string): Promise<readonly CellEntry[]> {
+export function decodeIndexTile(bytes: Uint8Array, where: string): readonly CellEntry[] {
   if (bytes.length < HEADER_BYTES) throw corrupt("index tile is cut short", where);
   const header = new DataView(bytes.buffer, bytes.byteOffset, HEADER_BYTES);
   const length = header.getUint32(8, true);
   if (header.getUint32(0, true) !== MAGIC || header.getUint16(4, true) !== 1 || length > MAXIMUM_BYTES) {
     throw corrupt("not an index tile of a known version", where);
   }
-  const text = await inflate(bytes.subarray(HEADER_BYTES), length, where);
+  const text = inflate(bytes.subarray(HEADER_BYTES), length, where);
   if (crc32(text) !== header.getUint32(12, true)) throw corrupt("index tile is damaged", where);
   const { cells } = JSON.parse(new TextDecoder().decode(text)) as { cells?: CellEntry[] };
   if (!Array.isArray(cells)) throw corrupt("index tile without cells", where);

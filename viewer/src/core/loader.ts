@@ -77,8 +77,7 @@ export class Loader {
     if (this.ready.size === 0) return false;
     let left = bytes;
     const order = this.wants.map(({ resource }) => resource).filter((resource) => this.ready.has(resource));
-    const others = [...this.ready.keys()].filter((resource) => !order.includes(resource));
-    for (const resource of [...order, ...others]) {
+    for (const resource of new Set([...order, ...this.ready.keys()])) {
       if (left <= 0) break;
       left -= resource.size;
       this.hold(resource);

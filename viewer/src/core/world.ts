@@ -1,6 +1,6 @@
 import type { Backoff } from "./backoff.js";
 import { Cell, SharedMeshes } from "./cell.js";
-import { asFarfieldError, FarfieldError } from "./errors.js";
+import { asFarfieldError, corrupt, FarfieldError } from "./errors.js";
 import type { Fetcher } from "./fetch.js";
 import { decodeIndexTile } from "./indextile.js";
 import { indexKey } from "./keys.js";
@@ -43,43 +43,44 @@ export class WorldIndex {
     return this.loading.size;
   }
 
-  /** Starts reading the index below cells; those that are being read already are left alone. */
+  /** Starts reading the index below cells, in the order given; those that are being read already are left alone. */
   explore(cells: readonly Cell[]): void {
-    for (const cell of cells) {
-      if (cell.indexHash && !this.loading.has(cell)) void this.load(cell);
-    }
+    const due = [...new Set(cells)].filter((cell) => cell.indexHash && !this.loading.has(cell));
+    const share = Math.max(1, this.fetcher.batchKeys);
+    for (let n = 0; n < due.length; n += share) void this.load(due.slice(n, n + share));
   }
 
   close(): void {
     this.closing.abort();
   }
 
-  private async load(cell: Cell): Promise<void> {
-    this.loading.add(cell);
-    const key = indexKey(cell.name, cell.indexHash);
+  private async load(cells: readonly Cell[]): Promise<void> {
+    for (const cell of cells) this.loading.add(cell);
+    const keys = cells.map((cell) => indexKey(cell.name, cell.indexHash));
     try {
-      const bytes = await this.fetcher.get(key, this.closing.signal);
+      const answers = await this.fetcher.getMany(keys, this.closing.signal);
       this.backoff.succeeded();
-      const entries = await decodeIndexTile(bytes, key);
-      cell.read(new Map(entries.map((entry) => [entry.key, entry])), this.shared, key);
+      cells.forEach((cell, n) => this.read(cell, keys[n]!, answers[n]!));
     } catch (thrown) {
-      await this.failed(cell, key, asFarfieldError(thrown, key));
+      const error = asFarfieldError(thrown, keys[0]!);
+      if (error.tag === "aborted") return;
+      this.backoff.failed(error.what);
+      await this.backoff.rest();
     } finally {
-      this.loading.delete(cell);
+      for (const cell of cells) this.loading.delete(cell);
       if (!this.closing.signal.aborted) this.events.grown();
     }
   }
 
-  /** A lost connection is waited for; a cell whose index is damaged ends there and stays a picture. */
-  private async failed(cell: Cell, key: string, error: FarfieldError): Promise<void> {
-    if (error.tag === "aborted") return;
-    if (error.tag === "network") {
-      this.backoff.failed(error.what);
-      await this.backoff.rest();
-      return;
+  /** Reads one index tile; a cell whose index is missing or damaged ends there and stays a picture. */
+  private read(cell: Cell, key: string, bytes: Uint8Array | null): void {
+    try {
+      if (!bytes) throw new FarfieldError("missing", "the server does not have it", key);
+      cell.read(new Map(decodeIndexTile(bytes, key).map((entry) => [entry.key, entry])), this.shared, key);
+    } catch (thrown) {
+      cell.indexHash = "";
+      cell.children = [];
+      this.events.bad(key, thrown instanceof FarfieldError ? thrown : corrupt(String(thrown), key));
     }
-    cell.indexHash = "";
-    cell.children = [];
-    this.events.bad(key, error);
   }
 }

@@ -7,6 +7,7 @@ import { Emitter } from "../core/events.js";
 import { Fetcher } from "../core/fetch.js";
 import { Loader } from "../core/loader.js";
 import type { Manifest } from "../core/manifest.js";
+import type { Resource } from "../core/resource.js";
 import { makePlan, type Plan, type PlanView } from "../core/plan.js";
 import { distanceTo } from "../core/vector.js";
 import { listWants, URGENCY } from "../core/wants.js";
@@ -66,9 +67,12 @@ export class FarfieldWorld extends Object3D {
   private renderer: WebGLRenderer | null = null;
   private plan: Plan | null = null;
   private planNumber = 0;
-  private pending = 0;
+  /** What the picture of the last plan wants. */
+  private seen: readonly Resource[] = [];
   private bad = 0;
   private planDirty = true;
+  /** Something has been uploaded since the last plan. */
+  private arrived = false;
   private drawDirty = true;
   /** The camera or the options have changed: nothing puts drawing off. */
   private mustDraw = true;
@@ -112,9 +116,10 @@ export class FarfieldWorld extends Object3D {
     this.updateWorldMatrix(true, false);
     const size = renderer.getDrawingBufferSize(new Vector2());
     if (this.moved(camera, size)) this.invalidate();
-    if (this.opened.loader.install(this.options.uploadBytes)) this.planDirty = true;
-    if (this.planDirty) this.choose(this.opened, camera, renderer, size);
-    const drawing = this.plan !== null && (this.mustDraw || (this.drawDirty && mayDraw));
+    if (this.opened.loader.install(this.options.uploadBytes)) this.arrived = true;
+    const may = mayDraw || this.mustDraw || this.pending === 0;
+    if (this.planDirty || (this.arrived && may)) this.choose(this.opened, camera, renderer, size);
+    const drawing = this.plan !== null && this.drawDirty && may;
     if (drawing) this.draw(this.opened, this.plan!, camera, renderer);
     this.settle(this.opened.index);
     return drawing;
@@ -124,6 +129,18 @@ export class FarfieldWorld extends Object3D {
   whenComplete(): Promise<void> {
     this.invalidate();
     return new Promise((resolve) => this.waiting.push(resolve));
+  }
+
+  /** Values that the picture wants and that have not arrived. */
+  get pending(): number {
+    let count = 0;
+    for (const { state } of this.seen) if (state !== "held" && state !== "bad") count++;
+    return count;
+  }
+
+  /** Whether a value is held, ready to be drawn or uploaded. */
+  holds(key: string): boolean {
+    return this.opened?.loader.cache.has(key) ?? false;
   }
 
   /** Metres from the eye of the last update to the nearest thing of the world, by its cells' bounds; null: unknown. */
@@ -215,7 +232,7 @@ export class FarfieldWorld extends Object3D {
     });
     const loader = new Loader(this.fetcher, this.backoff, preparer, this.options.cacheBytes, {
       bad: (resource, error) => this.report(resource.key, error),
-      arrived: () => this.changed(),
+      arrived: () => this.events.emit("arrived", undefined),
     });
     this.opened = { index, loader, near, splats: new Splats(this.group, manifest.grid, this.light) };
     this.events.emit("ready", manifest);
@@ -232,7 +249,7 @@ export class FarfieldWorld extends Object3D {
 
   /** Makes the plan and sees to what it lacks. */
   private choose({ index, loader }: Opened, camera: Camera, renderer: WebGLRenderer, size: Vector2): void {
-    this.planDirty = false;
+    this.planDirty = this.arrived = false;
     const framed = this.frame.resize(renderer, size.x, size.y, this.options.supersampling);
     const viewpoint = viewpointOf(camera, this.matrixWorld, framed.width, framed.height);
     const view = this.planView(index.manifest, viewpoint, size.x);
@@ -272,14 +289,13 @@ export class FarfieldWorld extends Object3D {
     index.explore([...index.roots.filter(unread), ...plan.cut.unknown]);
     const wants = listWants(index.roots, plan, index.manifest, view);
     loader.want(wants, number);
-    const seen = wants.filter(({ urgency }) => urgency <= URGENCY.seen).map(({ resource }) => resource);
-    this.pending = seen.filter(({ state }) => state !== "held" && state !== "bad").length;
-    if (this.coarsening.adapt(seen, this.options.cacheBytes)) this.changed();
+    this.seen = wants.filter(({ urgency }) => urgency <= URGENCY.seen).map(({ resource }) => resource);
+    if (this.coarsening.adapt(this.seen, this.options.cacheBytes)) this.changed();
   }
 
   /** Fulfils what waits for a complete picture, if the one drawn last is. */
   private settle(index: WorldIndex): void {
-    if (this.waiting.length === 0 || this.planDirty || this.drawDirty || this.pending > 0 || index.pending > 0) return;
+    if (this.waiting.length === 0 || this.planDirty || this.arrived || this.drawDirty || this.pending > 0 || index.pending > 0) return;
     if (index.roots.some(unread) || this.plan!.cut.unknown.some(unread)) return;
     for (const resolve of this.waiting.splice(0)) resolve();
   }
@@ -299,6 +315,9 @@ export class FarfieldWorld extends Object3D {
   private report(key: string, error: FarfieldError): void {
     this.bad++;
     this.events.emit("bad", { key, error });
+    const { roots } = this.opened!.index;
+    const hopeless = roots.length > 0 && roots.every(({ views, children }) => views.size === 0 && children?.length === 0);
+    if (hopeless) this.events.emit("failed", error);
     this.changed();
   }
 

@@ -3,6 +3,9 @@ import { decodeTile, type DecodedTile } from "../orthoview/decode.js";
 import { decodeColor } from "./color.js";
 import type { DecodeAnswer, DecodeRequest } from "./messages.js";
 
+/** Tiles a worker has at once: while the browser decodes the colour of one, the worker unpacks another. */
+const TILES_A_WORKER = 3;
+
 /** Makes one worker; throws where workers are not allowed. */
 export type WorkerMaker = () => Worker;
 
@@ -17,8 +20,9 @@ export function defaultWorkers(): number {
   return Math.max(2, Math.min(4, (globalThis.navigator?.hardwareConcurrency ?? 2) - 1));
 }
 
-/** Decodes tiles in a few workers, one tile at a time each; on the calling thread where workers cannot be made. */
+/** Decodes tiles in a few workers; on the calling thread where workers cannot be made. */
 export class DecodePool {
+  /** A worker stands here as often as it has room for tiles. */
   private readonly idle: Worker[] = [];
   private readonly all: Worker[] = [];
   private readonly waiting: Task[] = [];
@@ -67,11 +71,11 @@ export class DecodePool {
       // A worker that cannot even start: its tiles are decoded here.
       event.preventDefault();
       this.all.splice(this.all.indexOf(worker), 1);
-      if (this.idle.includes(worker)) this.idle.splice(this.idle.indexOf(worker), 1);
+      while (this.idle.includes(worker)) this.idle.splice(this.idle.indexOf(worker), 1);
       if (this.all.length === 0) this.decodeHere();
     };
     this.all.push(worker);
-    this.idle.push(worker);
+    for (let n = 0; n < TILES_A_WORKER; n++) this.idle.unshift(worker);
   }
 
   private pump(): void {

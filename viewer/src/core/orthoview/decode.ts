@@ -39,14 +39,12 @@ export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: 
   const header = readTile(bytes, where);
   const color = need(header, PLANE.color, "colour", where);
   checkWebp(color.bytes, header.width, header.height, where);
-  const [depth, normal, coverage, flags, unlit, rgba] = await Promise.all([
-    content(need(header, PLANE.depth, "depth", where), maskBytes(header) + 2 * header.valid, where),
-    content(need(header, PLANE.normal, "normal", where), 2 * header.valid, where),
-    optional(header, PLANE.coverage, header.valid, where),
-    optional(header, PLANE.flags, (header.valid + 7) >> 3, where),
-    optional(header, PLANE.unlit, (header.valid + 7) >> 3, where),
-    decodeColor(color.bytes, header.width, header.height, where),
-  ]);
+  const rgba = await decodeColor(color.bytes, header.width, header.height, where);
+  const depth = content(need(header, PLANE.depth, "depth", where), maskBytes(header) + 2 * header.valid, where);
+  const normal = content(need(header, PLANE.normal, "normal", where), 2 * header.valid, where);
+  const coverage = optional(header, PLANE.coverage, header.valid, where);
+  const flags = optional(header, PLANE.flags, (header.valid + 7) >> 3, where);
+  const unlit = optional(header, PLANE.unlit, (header.valid + 7) >> 3, where);
   const pixels = validPixels(depth, header.width, header.height, header.valid);
   if (!pixels) throw corrupt("the mask does not mark the valid pixels", where);
   const depths = unzigzag(depth.subarray(maskBytes(header)));
@@ -112,13 +110,13 @@ function need(header: TileHeader, kind: number, name: string, where: string): St
   return plane;
 }
 
-async function optional(header: TileHeader, kind: number, length: number, where: string): Promise<Uint8Array | null> {
+function optional(header: TileHeader, kind: number, length: number, where: string): Uint8Array | null {
   const plane = header.planes.get(kind);
   return plane ? content(plane, length, where) : null;
 }
 
 /** The bytes of a plane; the caller may change them. */
-async function content(plane: StoredPlane, length: number, where: string): Promise<Uint8Array> {
+function content(plane: StoredPlane, length: number, where: string): Uint8Array {
   if (plane.deflated) return inflate(plane.bytes, length, where);
   if (plane.bytes.length !== length) throw corrupt(`a plane of ${plane.bytes.length} bytes instead of ${length}`, where);
   return plane.bytes.slice();
