@@ -26,9 +26,6 @@ def kernel(signature: Any, allocates: bool = False) -> Callable[[_Function], _Fu
 
 
 def device(function: _Function) -> _Function:
-    """A helper that becomes part of the kernels that call it; allocates nothing.
-
-    The cache does not see changes of helpers: after an edit, remove the cached kernels that use them (or all).
-    """
+    """A helper that becomes part of the kernels that call it; allocates nothing."""
     compiled: _Function = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
     return compiled
