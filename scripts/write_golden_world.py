@@ -2,7 +2,8 @@
 
     python scripts/write_golden_world.py
 
-Negative indices, flat axes, both layers, a custom direction, instances, near geometry, object ids, a texture with holes.
+Negative indices, flat axes, both layers, a custom direction, instances, near geometry, object ids, a texture with
+holes.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from bake.scenes import village  # noqa: E402
-
 from farfield.bake.bake import bake  # noqa: E402
 from farfield.bake.options import BakeOptions  # noqa: E402
 from farfield.store.memory import MemoryStore  # noqa: E402
