@@ -32,16 +32,16 @@ const common = {
   logLevel: "warning",
 };
 
-const options = {
-  ...common,
-  entryPoints: { app: path("src/app/main.ts"), farfield: path("src/three/index.ts"), },
-  outdir: `${root}/viewer`,
-  entryNames: "[name]",
-  format: "esm",
-  plugins: [workers],
-};
+const module = { ...common, outdir: `${root}/viewer`, entryNames: "[name]", format: "esm", plugins: [workers] };
+const bundles = [
+  { ...module, entryPoints: { app: path("src/app/main.ts") } },
+  // For scenes of other people, who bring their own three.js: import map or bundler.
+  { ...module, entryPoints: { farfield: path("src/three/index.ts") }, external: ["three", "three/addons/*"] },
+];
 
 await mkdir(`${root}/viewer`, { recursive: true });
 await copyFile(path("src/app/index.html"), `${root}/index.html`);
-if (watching) await (await esbuild.context(options)).watch();
-else await esbuild.build(options);
+for (const bundle of bundles) {
+  if (watching) await (await esbuild.context(bundle)).watch();
+  else await esbuild.build(bundle);
+}

@@ -23,8 +23,9 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
     Triangles: count(stats.triangles),
     "Cells by level": levels.map(([level, n]) => `${level}: ${n}`).join("  ") || "–",
     "Leaves as geometry": count(stats.geometry_cells),
-    Received: `${size(stats.bytes)}, ${size(rate)}/s`,
-    Cache: `${size(stats.cache_bytes)} of ${size(stats.cache_budget)}`,
+    Received: size(stats.bytes),
+    "Now receiving": `${size(rate)}/s`,
+    "Cache used": `${size(stats.cache_bytes)} of ${size(stats.cache_budget)}`,
     Loading: stats.tiles_pending > 0 ? `${stats.tiles_pending} tiles` : "–",
     Missing: count(stats.tiles_missing),
   };
@@ -38,5 +39,6 @@ export function count(value: number): string {
 export function size(bytes: number): string {
   if (bytes < 1e3) return `${Math.round(bytes)} B`;
   if (bytes < 1e6) return `${(bytes / 1e3).toFixed(0)} kB`;
-  return bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
+  if (bytes < 1e8) return `${(bytes / 1e6).toFixed(1)} MB`;
+  return bytes < 1e9 ? `${Math.round(bytes / 1e6)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
 }

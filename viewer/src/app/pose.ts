@@ -1,4 +1,4 @@
-import type { Vector3 } from "../core/vector.js";
+import { dot, type Vector3 } from "../core/vector.js";
 
 /** Where the camera is; `fov` is vertical, degrees; local metres. */
 export interface Pose {
@@ -8,6 +8,8 @@ export interface Pose {
 }
 
 export const DEFAULT_FOV = 50;
+/** Share of the picture's half that the whole world may take. */
+const FRAMED = 0.92;
 const STEEPEST = (89.5 * Math.PI) / 180;
 
 /** A pose as angles: how the target lies from the eye. */
@@ -40,14 +42,20 @@ export function plus(a: Vector3, b: Vector3, times = 1): Vector3 {
   return [a[0] + b[0] * times, a[1] + b[1] * times, a[2] + b[2] * times];
 }
 
-/** Frames a box from the south-west, looking down 25 degrees. */
+/** Frames a box from the south-west, looking down 25 degrees: as near as all its corners allow. */
 export function overview(lower: Vector3, upper: Vector3, aspect: number, fov = DEFAULT_FOV): Pose {
   const target = plus(lower, upper).map((c) => c / 2) as unknown as Vector3;
-  const radius = Math.hypot(upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]) / 2 || 1;
-  const half = (fov * Math.PI) / 360;
-  const narrow = Math.min(half, Math.atan(Math.tan(half) * aspect));
-  // A box that is flat as seen from here fills less than its sphere: 0.8 of the distance frames it well.
-  const distance = (0.8 * radius) / Math.sin(narrow);
-  const reach = reachOf({ heading: Math.PI / 4, pitch: (-25 * Math.PI) / 180, distance });
-  return { eye: plus(target, reach, -1), target, fov };
+  const aim: Aim = { heading: Math.PI / 4, pitch: (-25 * Math.PI) / 180, distance: 1 };
+  const forward = reachOf(aim);
+  const right = reachOf({ ...aim, heading: aim.heading + Math.PI / 2, pitch: 0 });
+  const up = reachOf({ ...aim, pitch: aim.pitch + Math.PI / 2 });
+  const tangent = Math.tan((fov * Math.PI) / 360) * FRAMED;
+  let distance = 1e-3;
+  for (let n = 0; n < 8; n++) {
+    const corner = lower.map((c, axis) => ((n >> axis) & 1 ? upper[axis]! : c) - target[axis]!) as unknown as Vector3;
+    const beyond = dot(corner, forward);
+    const across = Math.max(Math.abs(dot(corner, right)) / (tangent * aspect), Math.abs(dot(corner, up)) / tangent);
+    distance = Math.max(distance, across - beyond);
+  }
+  return { eye: plus(target, forward, -distance), target, fov };
 }
