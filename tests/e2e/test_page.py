@@ -37,15 +37,22 @@ def test_opens_without_errors_and_soon_shows_a_complete_picture(address: str, vi
 
 
 @pytest.mark.parametrize(("eye", "target"), CAMERAS)
-@pytest.mark.parametrize("samples", [1, 2])
+@pytest.mark.parametrize(("samples", "bias", "views"), [(1, 0.0, 3), (2, 4.0, 2), (4, 3.0, 1)])
 def test_draws_what_the_reference_renderer_draws(
-    address: str, visit: Callable[..., Visit], world: DirectoryStore, eye: Triple, target: Triple, samples: int
+    address: str,
+    visit: Callable[..., Visit],
+    world: DirectoryStore,
+    eye: Triple,
+    target: Triple,
+    samples: int,
+    bias: float,
+    views: int,
 ) -> None:
     page = visit(address)
-    page.complete()
-    page.options(supersampling=samples, nearRadius=0)
+    page.options(supersampling=samples, nearRadius=0, bias=bias, views=views)
     page.look(eye, target)
-    options = RenderOptions(supersampling=samples, near_radius=0.0)
+    assert bias == 0 or max(map(int, page.stats()["cells"])) > 0, "some cells of upper levels"
+    options = RenderOptions(supersampling=samples, near_radius=0.0, bias=bias, views=views)
     expected = render_world(World.open(world), Camera(eye, target, 46.8), (640, 480), options).pixels(SKY)
     assert psnr(page.picture(), expected) >= 30
 
@@ -149,6 +156,20 @@ def test_twenty_seconds_of_flight(address: str, visit: Callable[..., Visit]) -> 
     assert flight["fetched"] > 0
     assert flight["frames"] > 20
     assert flight["last"]["tiles_missing"] == 0
+
+
+def test_a_budget_that_does_not_hold_the_picture_makes_it_coarser(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.options(nearRadius=0)
+    page.look(*CAMERAS[0])
+    fine = page.stats()
+    budget = fine["cache_bytes"] // 4
+    page.options(cacheBytes=budget)
+    page.complete()
+    coarse = page.stats()
+    assert coarse["coarsened"] > 0
+    assert 0 < coarse["splats"] < fine["splats"]
+    assert coarse["cache_bytes"] <= budget
 
 
 def test_what_is_held_is_not_fetched_again(address: str, visit: Callable[..., Visit]) -> None:

@@ -33,7 +33,8 @@ export function controlsOf(page: Adjustable): { light: readonly Control[]; quali
       },
       { label: "Views a cell", min: 1, max: 6, step: 1, get: () => options().views, set: (views) => set({ views }) },
       { label: "Depth layers", min: 1, max: 2, step: 1, get: () => options().layers, set: (layers) => set({ layers }) },
-      { label: "Detail", min: -2, max: 2, step: 0.25, get: () => options().bias, set: (bias) => set({ bias }) },
+      // More detail is less bias.
+      { label: "Detail", min: -3, max: 2, step: 0.25, get: () => -options().bias, set: (detail) => set({ bias: -detail }) },
     ],
   };
 }

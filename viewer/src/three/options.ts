@@ -8,7 +8,7 @@ export interface WorldOptions {
   readonly views: number;
   /** Depth layers drawn a direction: 1 or 2. */
   readonly layers: number;
-  /** Resolution bias: 1 takes cells one level finer than the picture's pixels need, -1 one coarser. */
+  /** Resolution bias: 1 takes cells one level coarser than the picture's pixels ask for, -1 one level finer. */
   readonly bias: number;
   /** Metres within which leaves are geometry; null: as far as a leaf's pixels would be wider than the picture's. */
   readonly nearRadius: number | null;

@@ -278,7 +278,7 @@ export class FarfieldWorld extends Object3D {
     return {
       eye: viewpoint.eye,
       frustum: viewpoint.frustum,
-      radius: radius / 2 ** (bias - this.coarsening.levels),
+      radius: radius / 2 ** (bias + this.coarsening.levels),
       near: nearRadius ?? radius,
       farOnly,
       choice: { views, layers },
