@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from farfield.kernels.lanes import LANES
 from farfield.kernels.rasterise import rasterise
-from farfield.kernels.rasterise_key import EMPTY, LANES, depth_of, key_of, rasterise_key, unpack_keys
+from farfield.kernels.rasterise_key import EMPTY, depth_of, key_of, rasterise_key, unpack_keys
 from farfield.kernels.surface import FAR, NOTHING, Materials, Surface
 from kernels import plain_raster
 from kernels.surfaces import PLAIN, masked, surface_of

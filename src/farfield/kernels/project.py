@@ -9,7 +9,7 @@ from numba import types
 
 from farfield.kernels.compiling import kernel
 from farfield.kernels.edges import SUBSAMPLES
-from farfield.kernels.surface import F32_2, F64_1, F64_2
+from farfield.kernels.surface import F32_2, F64_1, F64_2, U32_2
 
 
 @kernel(types.void(F32_2, F64_2, F64_2))
@@ -47,6 +47,35 @@ def project_orthographic(positions, matrix, first, samples, screen):  # type: ig
         screen[i, 1] = np.float64(np.int64(v * grain + 0.5)) * (1.0 / SUBSAMPLES)
         screen[i, 2] = w
         screen[i, 3] = 1.0
+
+
+@kernel(types.float64(F32_2, U32_2, types.int64))
+def mean_area(screen, triangles, stride):  # type: ignore[no-untyped-def]
+    """Mean area in samples of every stride-th triangle; screen (n, 4) float32, triangles (m, 3) uint32, m > 0."""
+    total = 0.0
+    count = 0
+    for t in range(0, triangles.shape[0], stride):
+        a = np.uintp(triangles[t, 0])
+        b = np.uintp(triangles[t, 1])
+        c = np.uintp(triangles[t, 2])
+        ux = screen[b, 0] - screen[a, 0]
+        uy = screen[b, 1] - screen[a, 1]
+        vx = screen[c, 0] - screen[a, 0]
+        vy = screen[c, 1] - screen[a, 1]
+        total += 0.5 * abs(ux * vy - uy * vx)
+        count += 1
+    return total / count
+
+
+@kernel(types.void(F32_2, F64_2, F64_2))
+def to_clip(positions, matrix, clip):  # type: ignore[no-untyped-def]
+    """positions (n, 3) float32, relative to the eye; matrix (3, 3) float64; clip (n, 3) float64 out: matrix @ p."""
+    for i in range(positions.shape[0]):
+        x = np.float64(positions[i, 0])
+        y = np.float64(positions[i, 1])
+        z = np.float64(positions[i, 2])
+        for row in range(3):
+            clip[i, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z
 
 
 @kernel(types.int64(F64_2, F32_2))

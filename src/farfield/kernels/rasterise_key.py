@@ -13,11 +13,10 @@ from numba.extending import intrinsic
 
 from farfield.kernels.compiling import device, kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
+from farfield.kernels.lanes import LANES, draw_lanes, draw_lanes_behind
 from farfield.kernels.surface import F32_2, FAR, I64_2, MATERIALS, NOTHING, SURFACE, U32_2
 from farfield.kernels.texture import is_hole
 
-LANES = 8
-"""Samples handled at once: rows of keys and limits have that many spare columns."""
 EMPTY = np.int64(0x7FFFFFFFFFFFFFFF)
 """Key of a sample that nothing covers."""
 
@@ -121,27 +120,17 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
                 fc_bias = np.float32(bias_c)
                 start = np.uintp(x0)
                 for y in range(y0, y1 + 1):
-                    lanes = keys[np.uintp(y), start : start + np.uintp(LANES)]
+                    row = np.uintp(y)
                     if limited:
-                        limits = behind[np.uintp(y), start : start + np.uintp(LANES)]
-                        for j in range(LANES):
-                            eb = fb_row + fb_right * np.float32(j)
-                            ec = fc_row + fc_right * np.float32(j)
-                            ea = f_area - eb - ec
-                            inside = min(min(ea + fa_bias, eb + fb_bias), ec + fc_bias) >= _ZERO
-                            z = az + (eb * zb + ec * zc)
-                            key = key_of(z, tag)
-                            old = lanes[j]
-                            lanes[j] = key if (inside & (key < old) & (z > limits[j])) else old
+                        draw_lanes_behind(
+                            keys, behind, row, start, tag, fb_row, fc_row, f_area, fb_right, fc_right,
+                            fa_bias, fb_bias, fc_bias, az, zb, zc,
+                        )  # fmt: skip
                     else:
-                        for j in range(LANES):
-                            eb = fb_row + fb_right * np.float32(j)
-                            ec = fc_row + fc_right * np.float32(j)
-                            ea = f_area - eb - ec
-                            inside = min(min(ea + fa_bias, eb + fb_bias), ec + fc_bias) >= _ZERO
-                            key = key_of(az + (eb * zb + ec * zc), tag)
-                            old = lanes[j]
-                            lanes[j] = key if (inside & (key < old)) else old
+                        draw_lanes(
+                            keys, behind, row, start, tag, fb_row, fc_row, f_area, fb_right, fc_right,
+                            fa_bias, fb_bias, fc_bias, az, zb, zc,
+                        )  # fmt: skip
                     fb_row += np.float32(down_b)
                     fc_row += np.float32(down_c)
                 continue

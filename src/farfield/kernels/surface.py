@@ -45,6 +45,11 @@ class Materials(NamedTuple):
     """(t, 3) int32 width, height, number of levels; level l is max(1, width >> l) wide."""
     pixels: NDArray[np.uint8]
     """(p, 4) uint8 sRGB and alpha of all levels, row by row."""
+    mask: NDArray[np.int64]
+    """(k,) int64: first byte of the material's alpha mask in mask_bits; -1: none, compare alpha itself."""
+    mask_bits: NDArray[np.uint8]
+    """(b,) uint8: a bit a texel of the full-resolution level, least significant first, 1 = kept; rows start at bytes.
+    A leaf of a tree looks at texels far apart: a megapixel of bits stays in the cache, of pixels it does not."""
 
 
 def _array(dtype: types.Type, dimensions: int) -> types.Type:
@@ -60,7 +65,7 @@ U32_1, U32_2 = (_array(types.uint32, d) for d in (1, 2))
 
 SURFACE = types.NamedTuple((F32_2, F32_2, F32_2, U8_2, U32_2, U32_1, U32_1), Surface)
 """Numba type of Surface, for explicit signatures."""
-MATERIALS = types.NamedTuple((F32_2, I32_1, F32_1, U8_1, I64_2, I32_2, U8_2), Materials)
+MATERIALS = types.NamedTuple((F32_2, I32_1, F32_1, U8_1, I64_2, I32_2, U8_2, I64_1, U8_1), Materials)
 """Numba type of Materials."""
 
 NOTHING = np.uint32(0xFFFFFFFF)

@@ -20,13 +20,13 @@ def fraction(value):  # type: ignore[no-untyped-def]
 
 
 @device
-def texel_alpha(materials, texture, u, v):  # type: ignore[no-untyped-def]
-    """Alpha 0..1 of the nearest texel of the full-resolution level: the unbiased estimate of cover at a point."""
+def nearest_texel(materials, texture, u, v):  # type: ignore[no-untyped-def]
+    """(row, column) in the full-resolution level."""
     width = materials.size[texture, 0]
     height = materials.size[texture, 1]
     column = min(np.int64(fraction(u) * np.float32(width)), width - 1)
     row = min(np.int64(fraction(v) * np.float32(height)), height - 1)
-    return materials.pixels[materials.level[texture, 0] + row * width + column, 3] * np.float32(1.0 / 255.0)
+    return row, column
 
 
 @device
@@ -70,13 +70,22 @@ def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyp
 
 @device
 def is_hole(surface, materials, material, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
-    """Whether an alpha-masked surface is cut out at weights a, b, c (summing to 1) of corners i, j, k."""
+    """Whether an alpha-masked surface is cut out at weights a, b, c (summing to 1) of corners i, j, k.
+
+    The nearest texel of the full-resolution level decides: over many samples that is the cover of the surface.
+    """
     alpha = materials.base_color[material, 3]
     texture = materials.texture[material]
     if texture >= 0 and surface.uvs.shape[0] > 0:
         u = a * surface.uvs[i, 0] + b * surface.uvs[j, 0] + c * surface.uvs[k, 0]
         v = a * surface.uvs[i, 1] + b * surface.uvs[j, 1] + c * surface.uvs[k, 1]
-        alpha *= texel_alpha(materials, texture, u, v)
+        row, column = nearest_texel(materials, texture, u, v)
+        width = np.int64(materials.size[texture, 0])
+        if materials.mask[material] >= 0 and surface.colors.shape[0] == 0:
+            byte = materials.mask_bits[np.uintp(materials.mask[material] + row * ((width + 7) >> 3) + (column >> 3))]
+            return (byte >> np.uint8(column & 7)) & 1 == 0
+        texel = materials.level[texture, 0] + row * width + column
+        alpha *= materials.pixels[texel, 3] * np.float32(1.0 / 255.0)
     if surface.colors.shape[0] > 0:
         corner = a * surface.colors[i, 3] + b * surface.colors[j, 3] + c * surface.colors[k, 3]
         alpha *= corner * np.float32(1.0 / 255.0)

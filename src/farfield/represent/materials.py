@@ -43,6 +43,8 @@ class MaterialTable:
             np.array(pool.levels, dtype=np.int64).reshape(-1, LEVELS),
             np.array(pool.sizes, dtype=np.int32).reshape(-1, 3),
             np.concatenate(pool.pixels) if pool.pixels else np.empty((0, 4), dtype=np.uint8),
+            np.array([pool.add_mask(m) for m in materials], dtype=np.int64),
+            np.concatenate(pool.bits) if pool.bits else np.empty(0, dtype=np.uint8),
         )
         return cls(arrays, np.array([m.double_sided for m in materials], dtype=np.uint8))
 
@@ -56,6 +58,9 @@ class TexturePool:
         self.sizes: list[tuple[int, int, int]] = []
         self.pixels: list[NDArray[np.uint8]] = []
         self.count = 0
+        self.masks: dict[tuple[Texture, int], int] = {}
+        self.bits: list[NDArray[np.uint8]] = []
+        self.bytes = 0
 
     def add(self, texture: Texture, masked: bool) -> int:
         key = (texture, masked)
@@ -71,6 +76,20 @@ class TexturePool:
             height, width = texture.pixels.shape[:2]
             self.sizes.append((width, height, len(images)))
         return self.rows[key]
+
+    def add_mask(self, material: Material) -> int:
+        """First byte of the bits that say which texels a material keeps; -1 when it has no mask."""
+        if material.texture is None or material.alpha_cutoff is None:
+            return -1
+        alpha = np.float32(material.base_color[3]) * (np.arange(256, dtype=np.float32) * np.float32(1 / 255))
+        least = int((alpha < np.float32(material.alpha_cutoff)).sum())
+        key = (material.texture, least)
+        if key not in self.masks:
+            self.masks[key] = self.bytes
+            kept = material.texture.pixels[..., 3] >= least
+            self.bits.append(np.packbits(kept, axis=1, bitorder="little").ravel())
+            self.bytes += len(self.bits[-1])
+        return self.masks[key]
 
 
 def mip_levels(pixels: NDArray[np.uint8], masked: bool) -> list[NDArray[np.uint8]]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.kernels.frustum import cut_to_frustum
-from farfield.kernels.project import project_perspective
+from farfield.kernels.project import project_perspective, to_clip
 from farfield.kernels.rasterise import rasterise
 from farfield.kernels.samples import fill_frame
 from farfield.kernels.surface import FAR, NOTHING
@@ -37,14 +37,15 @@ class GeometryPass:
         self._sun = light.sun.astype(np.float32)
         width, height = frame.sample_size
         rows = frame.camera.matrix((width, height))[:, :3]
-        self._matrix = np.ascontiguousarray(rows.T)
+        self._matrix = np.ascontiguousarray(rows)
         with np.errstate(divide="ignore"):
             self._z = np.where(np.isinf(frame.depth), FAR, np.float32(-1.0) / frame.depth).astype(np.float32)
         self._ids = np.empty(frame.depth.shape, dtype=np.uint32)
 
     def draw(self, chunk: Chunk, materials: MaterialTable) -> None:
         """Draws a chunk whose positions are relative to the eye (metres, world axes)."""
-        clip = chunk.positions.astype(np.float64) @ self._matrix
+        clip = np.empty(chunk.positions.shape)
+        to_clip(chunk.positions, self._matrix, clip)
         chunk, clip = self._cut(chunk, clip)
         if len(chunk.triangles) == 0:
             return

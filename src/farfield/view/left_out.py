@@ -44,7 +44,7 @@ class LeftOut:
         return shown, ~shown & ~hidden
 
     def _eye(self) -> NDArray[np.float64]:
-        return np.array(self.eye) - np.array(self.grid.corner)
+        return np.asarray(np.array(self.eye) - np.array(self.grid.corner), dtype=np.float64)
 
     def _gaps(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
         lower = cells * self.grid.leaf_size

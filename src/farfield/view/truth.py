@@ -58,7 +58,7 @@ def draw_truth(scene: Scene, camera: Camera, size: tuple[int, int], options: Tru
             continue
         blocked = BlockedMesh.from_mesh(loaded)
         base = gathered.add_materials(loaded.materials)
-        for instance in np.flatnonzero(scene.instances.mesh == mesh):
+        for instance in _nearest_first(np.flatnonzero(scene.instances.mesh == mesh), scene, camera):
             transform = scene.instances.transform[instance]
             placed = _Placed(blocked, transform, base, int(scene.instances.first_object[instance]))
             for chunk in placed.seen(camera, frustum, options.left_out):
@@ -88,7 +88,10 @@ class _Placed:
             shown, mixed = left_out.sort(boxes - np.array(left_out.grid.corner))
             yield from self._cut(np.flatnonzero(visible & mixed), left_out, eye)
             visible &= shown
-        for blocks in _runs(np.flatnonzero(visible)):
+        # What is drawn first hides most of the rest, whose masks then need not be looked at.
+        away = np.linalg.norm(boxes.mean(1) - eye, axis=1)
+        order = np.argsort(away, kind="stable")
+        for blocks in _runs(order[visible[order]]):
             placed = self.mesh.placed(self._relative(eye), blocks, self.material_base, self.object_base)
             yield placed.chunk()
 
@@ -105,6 +108,11 @@ class _Placed:
         transform = np.array(self.transform, dtype=np.float64)
         transform[:, 3] -= origin
         return transform
+
+
+def _nearest_first(instances: NDArray[np.int64], scene: Scene, camera: Camera) -> NDArray[np.int64]:
+    away = np.linalg.norm(scene.instances.transform[instances][:, :, 3] - np.array(camera.eye), axis=1)
+    return instances[np.argsort(away, kind="stable")]
 
 
 def touches_all(frustum: Frustum, boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
