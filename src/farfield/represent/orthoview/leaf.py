@@ -99,7 +99,7 @@ def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples
     """Corners on the lattice, in float64: far from the grid's corner single precision cannot tell pixels apart."""
     pitch = grid.pitch(key.level)
     lower = np.array(key[1:], dtype=np.float64) * (grid.cell_size(key.level) / pitch)
-    matrix = np.concatenate([direction.axes / pitch, (direction.axes @ lower)[:, None]], axis=1)
+    matrix = np.concatenate([direction.axes / pitch, (direction.axes * lower).sum(1)[:, None]], axis=1)
     bounds = np.empty((2, 3))
     lattice_bounds(chunk.positions, matrix, bounds)
     if not np.isfinite(bounds).all():
