@@ -56,6 +56,11 @@ export class Cell {
     this.bounds = this.reach = this.box;
   }
 
+  /** Whether the index of what lies at or below this cell is still to be read. */
+  get unread(): boolean {
+    return this.indexHash !== "" && this.children === null;
+  }
+
   /** Takes what the index tile says of this cell, and of those below it that the tile knows. */
   read(entries: ReadonlyMap<string, CellEntry>, shared: SharedMeshes, where: string): void {
     const entry = entries.get(this.name);

@@ -43,6 +43,16 @@ export function makePlan(roots: readonly Cell[], directions: ReadonlyMap<number,
   return new Planner(directions, view).plan(roots);
 }
 
+/** Whether two plans draw the same. */
+export function samePlan(a: Plan, b: Plan): boolean {
+  const listOf = ({ pictures, geometry }: Plan): unknown[] => [
+    ...pictures.flatMap(({ tiles, holes }) => [JSON.stringify(holes), ...tiles]),
+    ...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]),
+  ];
+  const [one, other] = [listOf(a), listOf(b)];
+  return one.length === other.length && one.every((part, n) => part === other[n]);
+}
+
 class Planner {
   private readonly pictures: PictureDraw[] = [];
   private readonly geometry: CellGeometry[] = [];

@@ -1,3 +1,7 @@
+import type { Fetcher } from "../core/fetch.js";
+import type { WorldOptions } from "./options.js";
+import type { Session } from "./session.js";
+
 /** Figures of a world, for people and tests. */
 export interface WorldStats {
   /** Splats of the tiles drawn last, before the graphics card skips those that face away. */
@@ -25,4 +29,26 @@ export interface WorldStats {
   readonly cache_budget: number;
   /** How many levels coarser the cut is than asked, because the budget would not hold it. */
   readonly coarsened: number;
+}
+
+export function statsOf(session: Session | null, fetcher: Fetcher, options: WorldOptions, bad: number): WorldStats {
+  const { plan = null, loader, splats, near } = session ?? {};
+  const cells: Record<number, number> = {};
+  for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
+  return {
+    splats: splats?.count ?? 0,
+    triangles: near?.triangles ?? 0,
+    tiles: splats?.tiles ?? 0,
+    cells,
+    geometry_cells: plan?.geometry.length ?? 0,
+    stand_ins: plan?.standIns ?? 0,
+    cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
+    bytes: fetcher.bytes,
+    requests: fetcher.requests,
+    tiles_pending: session?.pending ?? 0,
+    tiles_missing: bad,
+    cache_bytes: loader?.cache.bytes ?? 0,
+    cache_budget: options.cacheBytes,
+    coarsened: session?.coarsened ?? 0,
+  };
 }
