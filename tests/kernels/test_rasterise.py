@@ -160,6 +160,7 @@ def test_a_mask_cuts_where_the_nearest_texel_has_no_alpha() -> None:
         np.testing.assert_array_equal(ids != NOTHING, expected)
 
 
+@settings(deadline=None)
 @given(FLOATS, FLOATS, st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
 def test_keys_order_like_depth_and_triangle(z: float, y: float, a: int, b: int) -> None:
     one, other = key_of(np.float32(z), a), key_of(np.float32(y), b)
