@@ -32,6 +32,7 @@ def test_opens_without_errors_and_soon_shows_a_complete_picture(address: str, vi
     assert stats["tiles_missing"] == stats["tiles_pending"] == 0
     assert stats["splats"] + stats["triangles"] > 500
     page.says("made for tests")
+    page.page.get_by_label("Show figures and controls").click()
     page.says("Figures")
     assert np.ptp(page.picture(), axis=(0, 1)).max() > 100
 
@@ -118,6 +119,7 @@ def test_keys_mouse_and_panel_move_what_they_should(address: str, visit: Callabl
     page.page.locator("#picture").focus()
     assert moved(fly, "target")
     assert moved(orbit, "eye")
+    page.page.get_by_label("Show figures and controls").click()
     page.page.get_by_label("Elevation").fill("80")
     assert page.do("farfield.world.options.light.elevation") == 80
     page.page.get_by_label("Hide figures and controls").click()

@@ -61,7 +61,7 @@ export class Application {
     this.world = new FarfieldWorld(address);
     this.scene.add(this.world);
     this.timer = new FrameTimer(context);
-    this.motion = new MotionQuality(this.world.options.supersampling, (changes) => this.world.setOptions(changes));
+    this.motion = new MotionQuality(this.world.options, (quality) => this.world.setOptions(quality));
     this.controls = new Controls(this.camera, canvas, () => this.world.clearance);
     this.controls.onmove = () => this.personMoved();
     this.messages = new Messages(elements.message, elements.banner, () => this.world.retryNow());
@@ -80,8 +80,9 @@ export class Application {
   }
 
   setOptions(changes: OptionChanges): void {
-    if (changes.supersampling !== undefined) this.motion.wanted = changes.supersampling;
-    this.world.setOptions(changes);
+    this.world.setOptions(this.motion.reduced ? { ...this.motion.wanted, ...changes } : changes);
+    const { supersampling, views, layers } = this.world.options;
+    this.motion.wanted = { supersampling, views, layers };
     this.panel?.refresh();
     if (changes.light) this.rememberSoon();
   }
@@ -135,7 +136,7 @@ export class Application {
     const seconds = Math.min(0.1, Math.max(0, now - this.last) / 1000);
     this.last = now;
     const flying = this.controls.step(seconds);
-    this.motion.step(start, this.moved || flying, this.timer.milliseconds);
+    this.motion.advance(start, this.moved || flying, this.timer.measured, this.timer.milliseconds);
     this.moved = false;
     this.resize();
     const rested = start >= this.restUntil && !this.timer.busy;

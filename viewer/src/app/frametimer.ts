@@ -2,6 +2,8 @@
 export class FrameTimer {
   /** Of the frame measured last, milliseconds from the start of its making until the card was done. */
   milliseconds = 0;
+  /** How many frames have been measured. */
+  measured = 0;
   private running = false;
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
@@ -18,6 +20,7 @@ export class FrameTimer {
       if (!done) return void setTimeout(look, 2);
       this.running = false;
       this.milliseconds = performance.now() - start;
+      this.measured++;
       this.gl.deleteSync(fence);
     };
     setTimeout(look, 0);

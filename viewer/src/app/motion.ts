@@ -1,30 +1,44 @@
 import type { WorldOptions } from "../three/options.js";
 
-/** A frame that takes longer than this is drawn with fewer samples while the camera moves. */
-const SLOW_MS = 50;
+/** A frame that takes longer than this is too slow to move by. */
+const SLOW_MS = 60;
 const REST_MS = 250;
 
-/** Chooses fewer samples while a slow card is in motion, and the full number once it rests. */
+/** What a person asked for, and what is less of it. */
+export type Quality = Pick<WorldOptions, "supersampling" | "views" | "layers">;
+
+/** From full quality to the least; each step needs nothing that the one before did not fetch. */
+const STEPS: readonly ((wanted: Quality) => Quality)[] = [
+  (wanted) => wanted,
+  (wanted) => ({ ...wanted, supersampling: 1 }),
+  ({ views }) => ({ supersampling: 1, views: Math.min(views, 2), layers: 1 }),
+];
+
+/** Draws less while a slow card is in motion, and everything once it rests. */
 export class MotionQuality {
   private lastMove = -Infinity;
-  private slow = false;
+  private lastFrame = -1;
+  private step = 0;
 
   constructor(
-    /** Samples a side that the person asked for. */
-    public wanted: number,
-    private readonly apply: (changes: Pick<WorldOptions, "supersampling">) => void,
-    private applied = wanted,
+    public wanted: Quality,
+    private readonly apply: (quality: Quality) => void,
   ) {}
 
-  /** To be called each frame with whether a person moved the camera and how long the last frame took. */
-  step(now: number, moved: boolean, frameMs: number): void {
+  /** Whether less is drawn than asked for. */
+  get reduced(): boolean {
+    return this.step > 0;
+  }
+
+  /** To be called each frame: whether a person moved the camera, which frame was measured last and how long it took. */
+  advance(now: number, moved: boolean, frame: number, frameMs: number): void {
     if (moved) this.lastMove = now;
-    const moving = now - this.lastMove < REST_MS;
-    if (!moving) this.slow = false;
-    else if (frameMs > SLOW_MS) this.slow = true;
-    const samples = moving && this.slow ? 1 : this.wanted;
-    if (samples === this.applied) return;
-    this.applied = samples;
-    this.apply({ supersampling: samples });
+    let next = this.step;
+    if (now - this.lastMove >= REST_MS) next = 0;
+    else if (frame !== this.lastFrame && frameMs > SLOW_MS) next = Math.min(STEPS.length - 1, this.step + 1);
+    this.lastFrame = frame;
+    if (next === this.step) return;
+    this.step = next;
+    this.apply(STEPS[next]!(this.wanted));
   }
 }

@@ -19,6 +19,9 @@ export interface PanelParts {
   readonly share: () => void;
 }
 
+/** Screens on which the panel begins folded: it would hide most of the picture. */
+const SMALL = "(max-width: 760px), (max-height: 560px)";
+
 const HELP = "Drag to orbit, right-drag to look, shift-drag to shift, wheel to approach; W A S D Q E to fly, shift for faster.";
 
 export class Panel {
@@ -46,7 +49,7 @@ export class Panel {
     body.append(heading("Figures"), this.figures, heading("Sun"), ...this.controls(parts.light));
     body.append(heading("Quality"), ...this.controls(parts.quality), row, help);
     root.replaceChildren(header, body);
-    fold(matchMedia("(max-width: 520px)").matches);
+    fold(matchMedia(SMALL).matches);
   }
 
   /** Shows figures in the order given; unknown ones get a row. */

@@ -37,7 +37,7 @@ export class ThreePreparer implements Preparer {
   }
 
   private async orthoview(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
-    const tile = await this.parts.pool.decode(bytes, resource.key, signal);
+    const tile = await this.parts.pool.decode("orthoview", bytes, resource.key, signal);
     const { manifest, renderer } = this.parts;
     const direction = manifest.directions.get(tile.direction);
     if (!direction || tile.level !== resource.cell?.level) throw corrupt("the tile belongs to another cell", resource.key);

@@ -54,7 +54,7 @@ export class Session {
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(fetcher), renderer, forget });
+    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(fetcher, pool), renderer, forget });
     this.loader = new Loader(fetcher, backoff, preparer, options().cacheBytes, events);
   }
 

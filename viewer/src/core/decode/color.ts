@@ -7,36 +7,36 @@ function canvasOf(width: number, height: number): OffscreenCanvasRenderingContex
   if (!shared || shared.canvas.width < width || shared.canvas.height < height) {
     const [columns, rows] = [shared?.canvas.width ?? 512, shared?.canvas.height ?? 512];
     const canvas = new OffscreenCanvas(Math.max(width, columns), Math.max(height, rows));
-    shared = canvas.getContext("2d", { willReadFrequently: true, alpha: false });
+    shared = canvas.getContext("2d", { willReadFrequently: true });
   }
   if (!shared) throw new FarfieldError("unsupported", "no canvas to decode colours with");
   return shared;
 }
 
 /**
- * Decodes an opaque WebP file with the browser's own decoder, without premultiplication or colour management, which
- * would change the values. Works in a worker.
+ * Decodes an image with the browser's own decoder, without colour management, which would change the values. Works in a
+ * worker. Rejects with `corrupt`.
  */
-export async function decodeColor(
-  bytes: Uint8Array,
-  width: number,
-  height: number,
-  where: string,
-): Promise<Uint8ClampedArray> {
+export async function decodeImage(bytes: Uint8Array, where: string): Promise<ImageData> {
   let bitmap: ImageBitmap;
   try {
-    bitmap = await createImageBitmap(new Blob([bytes as BlobPart], { type: "image/webp" }), {
-      premultiplyAlpha: "none",
-      colorSpaceConversion: "none",
-    });
+    const options = { premultiplyAlpha: "none", colorSpaceConversion: "none" } as const;
+    bitmap = await createImageBitmap(new Blob([bytes as BlobPart]), options);
   } catch {
-    throw corrupt("the colour cannot be decoded", where);
+    throw corrupt("the image cannot be decoded", where);
   }
   try {
-    const context = canvasOf(width, height);
+    const context = canvasOf(bitmap.width, bitmap.height);
+    // What was drawn before must not show through holes.
+    context.clearRect(0, 0, bitmap.width, bitmap.height);
     context.drawImage(bitmap, 0, 0);
-    return context.getImageData(0, 0, width, height).data;
+    return context.getImageData(0, 0, bitmap.width, bitmap.height);
   } finally {
     bitmap.close();
   }
+}
+
+/** The colour plane of a tile: an opaque WebP file whose size has been looked at. */
+export async function decodeColor(bytes: Uint8Array, _width: number, _height: number, where: string): Promise<Uint8ClampedArray> {
+  return (await decodeImage(bytes, where)).data;
 }

@@ -1,14 +1,23 @@
 import type { ErrorTag } from "../errors.js";
 import type { DecodedTile } from "../orthoview/decode.js";
+import type { Level } from "./levels.js";
+
+/** What workers decode, by kind. */
+export interface Decoded {
+  readonly orthoview: DecodedTile;
+  /** An image with holes, in all its sizes. */
+  readonly cutout: readonly Level[];
+}
 
 /** To a decoding worker; `bytes` are transferred. */
 export interface DecodeRequest {
   readonly id: number;
+  readonly kind: keyof Decoded;
   readonly where: string;
   readonly bytes: Uint8Array;
 }
 
-/** Back from it; the pixels are transferred. */
+/** Back from it; pixels are transferred. */
 export type DecodeAnswer =
-  | { readonly id: number; readonly tile: DecodedTile }
+  | { readonly id: number; readonly decoded: Decoded[keyof Decoded] }
   | { readonly id: number; readonly tag: ErrorTag; readonly what: string };

@@ -1,7 +1,6 @@
 import { asFarfieldError, FarfieldError } from "../errors.js";
-import { decodeTile, type DecodedTile } from "../orthoview/decode.js";
-import { decodeColor } from "./color.js";
-import type { DecodeAnswer, DecodeRequest } from "./messages.js";
+import { decode } from "./decode.js";
+import type { Decoded, DecodeAnswer, DecodeRequest } from "./messages.js";
 
 /** Tiles a worker has at once: while the browser decodes the colour of one, the worker unpacks another. */
 const TILES_A_WORKER = 3;
@@ -10,7 +9,7 @@ const TILES_A_WORKER = 3;
 export type WorkerMaker = () => Worker;
 
 interface Task extends DecodeRequest {
-  readonly resolve: (tile: DecodedTile) => void;
+  readonly resolve: (decoded: Decoded[keyof Decoded]) => void;
   readonly reject: (error: FarfieldError) => void;
   readonly signal: AbortSignal;
 }
@@ -20,7 +19,7 @@ export function defaultWorkers(): number {
   return Math.max(2, Math.min(4, (globalThis.navigator?.hardwareConcurrency ?? 2) - 1));
 }
 
-/** Decodes tiles in a few workers; on the calling thread where workers cannot be made. */
+/** Decodes tiles and images in a few workers; on the calling thread where workers cannot be made. */
 export class DecodePool {
   /** A worker stands here as often as it has room for tiles. */
   private readonly idle: Worker[] = [];
@@ -44,11 +43,12 @@ export class DecodePool {
     return this.waiting.length + this.running.size;
   }
 
-  /** Decodes a tile. Rejects with `corrupt` or, when aborted before its turn, `aborted`. */
-  decode(bytes: Uint8Array, where: string, signal: AbortSignal): Promise<DecodedTile> {
-    if (this.all.length === 0) return decodeTile(bytes, where, decodeColor);
+  /** Decodes a tile or an image. Rejects with `corrupt` or, when aborted before its turn, `aborted`. */
+  decode<Kind extends keyof Decoded>(kind: Kind, bytes: Uint8Array, where: string, signal: AbortSignal): Promise<Decoded[Kind]> {
+    if (this.all.length === 0) return decode({ kind, bytes, where }) as Promise<Decoded[Kind]>;
     return new Promise((resolve, reject) => {
-      this.waiting.push({ id: this.nextId++, bytes, where, resolve, reject, signal });
+      const settled = resolve as Task["resolve"];
+      this.waiting.push({ id: this.nextId++, kind, bytes, where, resolve: settled, reject, signal });
       this.pump();
     });
   }
@@ -88,7 +88,7 @@ export class DecodePool {
       this.running.set(task.id, task);
       // A copy: the tiles of a batch share one buffer, and posting a part of it would send the whole.
       const bytes = task.bytes.slice();
-      const request: DecodeRequest = { id: task.id, where: task.where, bytes };
+      const request: DecodeRequest = { id: task.id, kind: task.kind, where: task.where, bytes };
       this.idle.pop()!.postMessage(request, [bytes.buffer]);
     }
   }
@@ -97,7 +97,7 @@ export class DecodePool {
     const task = this.running.get(answer.id);
     if (!task) return;
     this.running.delete(answer.id);
-    if ("tile" in answer) task.resolve(answer.tile);
+    if ("decoded" in answer) task.resolve(answer.decoded);
     else task.reject(new FarfieldError(answer.tag, answer.what, task.where));
   }
 
@@ -105,9 +105,7 @@ export class DecodePool {
     const tasks = [...this.running.values(), ...this.waiting.splice(0)];
     this.running.clear();
     for (const task of tasks) {
-      decodeTile(task.bytes, task.where, decodeColor).then(task.resolve, (error: unknown) =>
-        task.reject(asFarfieldError(error, task.where)),
-      );
+      decode(task).then(task.resolve, (error: unknown) => task.reject(asFarfieldError(error, task.where)));
     }
   }
 }

@@ -1,7 +1,6 @@
-/** A worker that decodes orthoview tiles. */
+/** A worker that decodes tiles and images. */
 import { asFarfieldError } from "../errors.js";
-import { decodeTile } from "../orthoview/decode.js";
-import { decodeColor } from "./color.js";
+import { buffersOf, decode } from "./decode.js";
 import type { DecodeAnswer, DecodeRequest } from "./messages.js";
 
 const scope = self as unknown as {
@@ -9,9 +8,10 @@ const scope = self as unknown as {
   postMessage(answer: DecodeAnswer, transfer?: Transferable[]): void;
 };
 
-scope.onmessage = ({ data: { id, where, bytes } }) => {
-  decodeTile(bytes, where, decodeColor).then(
-    (tile) => scope.postMessage({ id, tile }, [tile.pixels.buffer as ArrayBuffer]),
+scope.onmessage = ({ data: request }) => {
+  const { id, where } = request;
+  decode(request).then(
+    (decoded) => scope.postMessage({ id, decoded }, buffersOf(decoded)),
     (thrown: unknown) => {
       const error = asFarfieldError(thrown, where);
       scope.postMessage({ id, tag: error.tag === "network" ? "corrupt" : error.tag, what: error.what });

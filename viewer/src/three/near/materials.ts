@@ -39,6 +39,7 @@ export class NearMaterials {
   make({ surface, geometry }: NearPart, instanced: boolean): RawShaderMaterial {
     const defines: Record<string, string> = {};
     if (surface.map) defines["TEXTURED"] = "";
+    if (surface.cutoff > 0) defines["CUT_OUT"] = "";
     if (surface.colored) defines["COLORED"] = "";
     if (surface.twoSided) defines["TWO_SIDED"] = "";
     if (surface.unlit) defines["UNLIT"] = "";

@@ -13,27 +13,43 @@ const TEXTURE_HASH = /(?:^|\/)texture\/([0-9a-f]+)$/;
  * file's root node would turn. Rejects with `corrupt`.
  */
 export async function parseNearModel(bytes: Uint8Array, where: string, shelf: TextureShelf): Promise<NearModel> {
-  const hashes: string[] = [];
+  const taken: (() => void)[] = [];
   const loader = new GLTFLoader();
   loader.register((parser) => ({
     name: "FARFIELD_textures",
     loadTexture: (index: number) => {
       const hash = hashOf(parser, index);
       if (hash === null) return null;
-      hashes.push(hash);
-      return shelf.acquire(hash);
+      const cutout = isCutout(parser, index);
+      taken.push(() => shelf.release(hash, cutout));
+      return shelf.acquire(hash, cutout);
     },
   }));
+  const release = (): void => taken.forEach((give) => give());
   try {
     const file = await loader.parseAsync(bytes.slice().buffer, "");
     const parts = partsOf(file.scene);
     const placements = await placementsOf(file.parser, file.scene.userData);
-    return modelOf(parts, placements, () => hashes.forEach((hash) => shelf.release(hash)));
+    return modelOf(parts, placements, release);
   } catch (error) {
-    hashes.forEach((hash) => shelf.release(hash));
+    release();
     if (error instanceof Error && error.name === "FarfieldError") throw error;
     throw corrupt(`the GLB cannot be read: ${String(error)}`, where);
   }
+}
+
+interface MaterialJson {
+  readonly alphaMode?: string;
+  readonly pbrMetallicRoughness?: { readonly baseColorTexture?: { readonly index: number } };
+}
+
+/** Whether a texture's alpha cuts holes. */
+function isCutout(parser: GLTFParser, index: number): boolean {
+  const { materials = [] } = parser.json as { materials?: MaterialJson[] };
+  return materials.some(
+    ({ alphaMode, pbrMetallicRoughness: surface }) =>
+      (alphaMode === "MASK" || alphaMode === "BLEND") && surface?.baseColorTexture?.index === index,
+  );
 }
 
 function hashOf(parser: GLTFParser, index: number): string | null {

@@ -1,6 +1,7 @@
-import { LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture } from "three";
-import type { Fetcher } from "../../core/fetch.js";
+import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture } from "three";
+import type { DecodePool } from "../../core/decode/pool.js";
 import { FarfieldError } from "../../core/errors.js";
+import type { Fetcher } from "../../core/fetch.js";
 import { textureKey } from "../../core/keys.js";
 
 interface Entry {
@@ -12,53 +13,69 @@ interface Entry {
 export class TextureShelf {
   private readonly entries = new Map<string, Entry>();
 
-  constructor(private readonly fetcher: Fetcher) {}
+  constructor(
+    private readonly fetcher: Fetcher,
+    private readonly pool: DecodePool,
+  ) {}
 
-  /** The texture of an image; one `release` belongs to each. */
-  acquire(hash: string): Promise<Texture> {
-    const found = this.entries.get(hash) ?? { texture: this.load(hash), uses: 0 };
+  /** The texture of an image, `cutout` when its alpha cuts holes; one `release` belongs to each. */
+  acquire(hash: string, cutout: boolean): Promise<Texture> {
+    const name = `${hash} ${cutout}`;
+    const found = this.entries.get(name) ?? { texture: this.load(hash, cutout), uses: 0 };
     found.uses++;
-    this.entries.set(hash, found);
+    this.entries.set(name, found);
     return found.texture;
   }
 
-  release(hash: string): void {
-    const found = this.entries.get(hash);
+  release(hash: string, cutout: boolean): void {
+    const found = this.entries.get(`${hash} ${cutout}`);
     if (!found || --found.uses > 0) return;
-    this.entries.delete(hash);
+    this.entries.delete(`${hash} ${cutout}`);
     found.texture.then(free, () => undefined);
   }
 
-  private async load(hash: string): Promise<Texture> {
+  private async load(hash: string, cutout: boolean): Promise<Texture> {
     // Without the signal of the first who asks: others may be waiting for the same image.
-    const bytes = await this.fetcher.get(textureKey(hash), new AbortController().signal);
-    let image: ImageBitmap;
-    try {
-      image = await createImageBitmap(new Blob([bytes as BlobPart]), {
-        premultiplyAlpha: "none",
-        colorSpaceConversion: "none",
-      });
-    } catch {
-      throw new FarfieldError("corrupt", "the image cannot be decoded", textureKey(hash));
-    }
-    const texture = new Texture(image);
+    const { signal } = new AbortController();
+    const bytes = await this.fetcher.get(textureKey(hash), signal);
+    const texture = cutout ? await this.cutoutOf(bytes, hash, signal) : await opaqueOf(bytes, hash);
     texture.colorSpace = SRGBColorSpace;
     texture.flipY = false;
     texture.wrapS = texture.wrapT = RepeatWrapping;
+    texture.magFilter = LinearFilter;
     texture.minFilter = LinearMipmapLinearFilter;
     texture.anisotropy = 4;
     texture.needsUpdate = true;
     return texture;
   }
+
+  /** The card would mix into the smaller sizes whatever colour lies in the holes, so they are made by hand. */
+  private async cutoutOf(bytes: Uint8Array, hash: string, signal: AbortSignal): Promise<Texture> {
+    const levels = await this.pool.decode("cutout", bytes, textureKey(hash), signal);
+    const sizes = levels.map(({ pixels, width, height }) => ({ data: new Uint8Array(pixels.buffer), width, height }));
+    const texture = new DataTexture(sizes[0]!.data, sizes[0]!.width, sizes[0]!.height);
+    texture.mipmaps = sizes as never;
+    texture.generateMipmaps = false;
+    return texture;
+  }
+}
+
+async function opaqueOf(bytes: Uint8Array, hash: string): Promise<Texture> {
+  try {
+    const options = { premultiplyAlpha: "none", colorSpaceConversion: "none" } as const;
+    return new Texture(await createImageBitmap(new Blob([bytes as BlobPart]), options));
+  } catch {
+    throw new FarfieldError("corrupt", "the image cannot be decoded", textureKey(hash));
+  }
 }
 
 /** Bytes a texture takes with its mip levels. */
 export function textureBytes(texture: Texture): number {
-  const { width, height } = texture.image as ImageBitmap;
+  const { width, height } = texture.image as { width: number; height: number };
   return Math.round((width * height * 4 * 4) / 3);
 }
 
 function free(texture: Texture): void {
-  (texture.image as ImageBitmap).close();
+  (texture.image as Partial<ImageBitmap>).close?.();
   texture.dispose();
 }

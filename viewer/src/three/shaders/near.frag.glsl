@@ -25,18 +25,25 @@ out vec4 color;
 void main() {
 #ifdef INSTANCED
     vec3 leaf = floor((point - leavesLower) / leafSize);
-    vec3 count = vec3(textureSize(leaves, 0));
-    if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, count))) discard;
+    if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, vec3(textureSize(leaves, 0))))) discard;
     if (texelFetch(leaves, ivec3(leaf), 0).r < 0.5) discard;
 #endif
     vec4 surface = factor;
 #ifdef TEXTURED
-    surface *= texture(map, texturePoint);
+    vec4 texel = texture(map, texturePoint);
+#ifdef CUT_OUT
+    // The nearest texel of the full size decides: over many samples that is the share that is covered, at any distance.
+    ivec2 count = textureSize(map, 0);
+    texel.a = texelFetch(map, min(ivec2(fract(texturePoint) * vec2(count)), count - 1), 0).a;
+#endif
+    surface *= texel;
 #endif
 #ifdef COLORED
     surface *= tint;
 #endif
+#ifdef CUT_OUT
     if (surface.a < cutoff) discard;
+#endif
     vec3 n = normalize(facing);
 #ifdef TWO_SIDED
     if (dot(n, point) > 0.0) n = -n;

@@ -1,0 +1,17 @@
+import { decodeTile } from "../orthoview/decode.js";
+import { decodeColor, decodeImage } from "./color.js";
+import { maskedLevels } from "./levels.js";
+import type { Decoded, DecodeRequest } from "./messages.js";
+
+/** Decodes what a request asks for, here. Rejects with `corrupt`. */
+export async function decode({ kind, bytes, where }: Pick<DecodeRequest, "kind" | "bytes" | "where">): Promise<Decoded[keyof Decoded]> {
+  if (kind === "orthoview") return decodeTile(bytes, where, decodeColor);
+  const { data, width, height } = await decodeImage(bytes, where);
+  return maskedLevels(data, width, height);
+}
+
+/** The buffers of what was decoded. */
+export function buffersOf(decoded: Decoded[keyof Decoded]): ArrayBuffer[] {
+  const arrays = "pixels" in decoded ? [decoded.pixels] : decoded.map(({ pixels }) => pixels);
+  return arrays.map(({ buffer }) => buffer as ArrayBuffer);
+}
