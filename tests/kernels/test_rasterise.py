@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from farfield.kernels.lanes import LANES
-from farfield.kernels.rasterise import rasterise
+from farfield.kernels.rasterise import TILE, rasterise
 from farfield.kernels.rasterise_key import EMPTY, depth_of, key_of, rasterise_key, unpack_keys
 from farfield.kernels.surface import FAR, NOTHING, Materials, Surface
 from kernels import plain_raster
@@ -18,6 +18,7 @@ from kernels.surfaces import PLAIN, masked, surface_of
 Buffers = tuple[NDArray[np.float32], NDArray[np.uint32]]
 FLOATS = st.floats(-(2.0**127), 2.0**127, width=32)
 UNLIMITED = np.empty((0, 0), dtype=np.float32)
+AS_THEY_COME = np.empty(0, dtype=np.uint32)
 
 
 def visibility(
@@ -28,7 +29,22 @@ def visibility(
     behind: NDArray[np.float32],
 ) -> Buffers:
     depth, ids = np.full(size, FAR, dtype=np.float32), np.full(size, NOTHING, dtype=np.uint32)
-    rasterise(screen, surface, materials, behind, depth, ids)
+    rasterise(screen, surface, materials, behind, AS_THEY_COME, UNLIMITED, depth, ids)
+    return depth, ids
+
+
+def sorted_visibility(
+    screen: NDArray[np.float32],
+    surface: Surface,
+    materials: Materials,
+    size: tuple[int, int],
+    behind: NDArray[np.float32],
+) -> Buffers:
+    """Front to back, hidden triangles rejected by tiles."""
+    depth, ids = np.full(size, FAR, dtype=np.float32), np.full(size, NOTHING, dtype=np.uint32)
+    order = np.argsort(screen[:, 2][surface.triangles].min(1), kind="stable").astype(np.uint32)
+    farthest = np.empty((-(-size[0] // TILE), -(-size[1] // TILE)), dtype=np.float32)
+    rasterise(screen, surface, materials, behind, order, farthest, depth, ids)
     return depth, ids
 
 
@@ -72,6 +88,9 @@ def test_both_rasterisers_draw_the_same(extent: float, limited: bool) -> None:
     screen, surface = soup(int(extent * 10), 800, extent, size[1], size[0])
     one = visibility(screen, surface, masked(pixels), size, behind)
     other = keyed(screen, surface, masked(pixels), size, behind)
+    third = sorted_visibility(screen, surface, masked(pixels), size, behind)
+    assert np.array_equal(one[0], third[0])
+    assert np.array_equal(one[1], third[1])
     np.testing.assert_array_equal(one[1], other[1])
     np.testing.assert_array_equal(one[0], other[0])
     assert (one[1] != NOTHING).sum() > 300

@@ -22,6 +22,7 @@ NEAR_PLANE = 1e-3
 BATCH = 1 << 20
 """Triangles drawn at once: about 150 MB; every batch also looks at each sample once."""
 _NO_LIMIT = np.empty((0, 0), dtype=np.float32)
+_AS_THEY_COME = np.empty(0, dtype=np.uint32)
 
 
 class GeometryPass:
@@ -53,7 +54,7 @@ class GeometryPass:
         screen = np.empty((len(clip), 4), dtype=np.float32)
         project_perspective(clip, screen)
         self._ids.fill(NOTHING)
-        rasterise(screen, chunk.surface, materials.arrays, _NO_LIMIT, self._z, self._ids)
+        rasterise(screen, chunk.surface, materials.arrays, _NO_LIMIT, _AS_THEY_COME, _NO_LIMIT, self._z, self._ids)
         frame = self.frame
         fill_frame(
             screen, chunk.surface, materials.arrays, self._sun, self._z, self._ids,

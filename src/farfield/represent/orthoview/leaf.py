@@ -14,7 +14,7 @@ from farfield.geometry.directions import Direction
 from farfield.kernels.lanes import LANES
 from farfield.kernels.project import lattice_bounds, mean_area, project_orthographic
 from farfield.kernels.quantise import quantise
-from farfield.kernels.rasterise import rasterise
+from farfield.kernels.rasterise import TILE, rasterise
 from farfield.kernels.rasterise_key import EMPTY, rasterise_key, unpack_keys
 from farfield.kernels.resolve import PLANES, resolve
 from farfield.kernels.surface import FAR, NOTHING
@@ -33,6 +33,9 @@ KEY_BELOW = 32.0
 """Mean area of a triangle in samples: below this the 64-bit-key rasteriser is the faster one. Measured, key against
 visibility buffer: 55 to 84 ms for a million leaves of 4 samples, 9 to 11 ms for 82,000 triangles of a statue of 18,
 12 to 10 ms for 20,000 faces of a city of 440."""
+
+SORT_FROM = 20_000
+"""Triangles: from here on sorting them pays. A pass over 1 M leaves of a forest took 620 ms without, 400 with."""
 
 _scratch = threading.local()
 
@@ -79,8 +82,9 @@ def draw_leaf(
         return []
     drawn: list[OrthoLayer] = []
     behind: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
+    order = _front_to_back(frame, chunk)
     for number in range(layers):
-        depth, ids = _visible(frame, chunk, materials, behind, samples)
+        depth, ids = _visible(frame, chunk, materials, behind, order, samples)
         wanted = number + 1 < layers
         behind = _floats("behind", (depth.shape[0], depth.shape[1] + LANES)) if wanted else behind[:0, :0]
         pixels = _floats("pixels", (frame.height, frame.width, PLANES))
@@ -115,7 +119,12 @@ def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples
 
 
 def _visible(
-    frame: _Frame, chunk: Chunk, materials: MaterialTable, behind: NDArray[np.float32], samples: int
+    frame: _Frame,
+    chunk: Chunk,
+    materials: MaterialTable,
+    behind: NDArray[np.float32],
+    order: NDArray[np.uint32],
+    samples: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     shape = (frame.height * samples, frame.width * samples)
     depth, ids = _floats("depth", shape), _scratched("ids", shape, np.dtype(np.uint32))
@@ -127,8 +136,23 @@ def _visible(
     else:
         depth.fill(FAR)
         ids.fill(NOTHING)
-        rasterise(frame.screen, chunk.surface, materials.arrays, behind, depth, ids)
+        tiles = (-(-shape[0] // TILE), -(-shape[1] // TILE)) if len(order) else (0, 0)
+        farthest = _floats("farthest", tiles)
+        rasterise(frame.screen, chunk.surface, materials.arrays, behind, order, farthest, depth, ids)
     return depth, ids
+
+
+def _front_to_back(frame: _Frame, chunk: Chunk) -> NDArray[np.uint32]:
+    """(m,) uint32: the triangles by their nearest corner; (0,) where they are few."""
+    if len(chunk.triangles) < SORT_FROM:
+        return np.empty(0, dtype=np.uint32)
+    z = frame.screen[:, 2]
+    a, b, c = (z[chunk.triangles[:, k]] for k in range(3))
+    nearest = np.minimum(np.minimum(a, b), c)
+    low = nearest.min()
+    # 16 bits are sorted by radix: 12 ms a million where floats take 100.
+    steps = ((nearest - low) * (65535 / max(float(nearest.max() - low), 1e-9))).astype(np.uint16)
+    return np.argsort(steps, kind="stable").astype(np.uint32)
 
 
 def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint32]) -> OrthoLayer:
