@@ -6,7 +6,7 @@ import { Loader, type LoaderEvents } from "../core/loader.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Resource } from "../core/resource.js";
 import { distanceTo } from "../core/vector.js";
-import { listWants, URGENCY } from "../core/wants.js";
+import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { Frame } from "./frame.js";
@@ -98,19 +98,29 @@ export class Session {
 
   /** Makes the plan for a picture `width` pixels wide and sees to what it lacks; returns what is different. */
   choose(viewpoint: Viewpoint, width: number): { picture: boolean; detail: boolean } {
-    const { index, options } = this.parts;
-    const view = this.viewOf(viewpoint, width);
-    const plan = makePlan(index.roots, index.manifest.directions, view);
-    const picture = !this.plan || !samePlan(plan, this.plan);
+    const { index } = this.parts;
+    const before = this.plan;
+    const { plan, wants, detail } = this.planWithin(viewpoint, width);
     this.viewpoint = viewpoint;
     this.plan = plan;
     this.number++;
     index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown]);
-    const wants = listWants(index.roots, plan, index.manifest, view);
     this.loader.want(wants, this.number);
     this.loader.keep(drawnBy(plan), this.number);
-    this.seen = wants.filter(({ urgency }) => urgency <= URGENCY.seen).map(({ resource }) => resource);
-    return { picture, detail: this.coarsening.adapt(this.seen, options().cacheBytes) };
+    this.seen = seenOf(wants);
+    return { picture: !before || !samePlan(plan, before), detail };
+  }
+
+  /** A plan whose wants fit into the budget, as far as can be told before they are fetched. */
+  private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; wants: Want[]; detail: boolean } {
+    const { index, options } = this.parts;
+    for (;;) {
+      const view = this.viewOf(viewpoint, width);
+      const plan = makePlan(index.roots, index.manifest.directions, view);
+      const wants = listWants(index.roots, plan, index.manifest, view);
+      const change = this.coarsening.adapt(seenOf(wants), options().cacheBytes);
+      if (change !== "coarser") return { plan, wants, detail: change === "finer" };
+    }
   }
 
   /** Draws the last plan into the frame. */
@@ -138,11 +148,16 @@ export class Session {
       eye: viewpoint.eye,
       frustum: viewpoint.frustum,
       radius: radius / 2 ** (bias + this.coarsening.levels),
-      near: nearRadius ?? radius,
+      // What is left out of a picture of the far field does not depend on the budget.
+      near: (nearRadius ?? radius) / (farOnly ? 1 : 2 ** this.coarsening.levels),
       farOnly,
       choice: { views, layers },
     };
   }
+}
+
+function seenOf(wants: readonly Want[]): Resource[] {
+  return wants.filter(({ urgency }) => urgency <= URGENCY.seen).map(({ resource }) => resource);
 }
 
 function drawnBy({ pictures, geometry }: Plan): Resource[] {
