@@ -85,11 +85,14 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
         if lattice_hash(layer.x + i, layer.y + j) < area:
             frame.put(x0, y0, d, j, i)
         return
-    reach = np.sqrt((T * T).sum(1) / 2) + 1
+    reach = np.sqrt((T * T).sum(1) / 2)
+    if 2 * reach.max() > frame.size[1]:
+        return
+    reach += 1
     first = np.maximum(np.floor(s - reach), 0).astype(int)
     last = np.minimum(np.ceil(s + reach), np.array(frame.size) - 1).astype(int)
     for y in range(first[1], last[1] + 1):
         for x in range(first[0], last[0] + 1):
             alpha, beta = np.linalg.solve(T, [x + 0.5 - s[0], y + 0.5 - s[1]])
             if alpha**2 + beta**2 <= 0.5 or (x, y) == (x0, y0):
-                frame.put(x, y, d + (alpha * U_depth + beta * V_depth) * root, j, i)
+                frame.put(x, y, max(d + (alpha * U_depth + beta * V_depth) * root, d / 2), j, i)

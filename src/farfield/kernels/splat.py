@@ -171,6 +171,9 @@ def splat_layer(  # type: ignore[no-untyped-def]
             ey = _ROOT_HALF * math.sqrt(uy * uy + vy * vy)
             if sx + ex < _F0 or sy + ey < _F0 or sx - ex > np.float32(width) or sy - ey > np.float32(height):
                 continue
+            # One splat of a cell that holds the eye would paint the whole frame.
+            if area >= _F1 and np.float32(2.0) * max(ex, ey) > np.float32(height):
+                continue
             drawn += 1
 
             mean = _LENGTH[length[j, i]]
@@ -213,7 +216,7 @@ def splat_layer(  # type: ignore[no-untyped-def]
                     beta = (ux * dy - uy * dx) * inverse_determinant
                     if alpha * alpha + beta * beta > _HALF and (x != x0 or y != y0):
                         continue
-                    z = d + alpha * ud + beta * vd
+                    z = max(d + alpha * ud + beta * vd, _HALF * d)
                     if z < frame_depth[y, x]:
                         frame_depth[y, x] = z
                         frame_surface[y, x] = surface

@@ -39,7 +39,7 @@ class RenderOptions:
     supersampling: int = 4
     """Samples a pixel along each axis."""
     bias: float = 0.0
-    """Cells are taken from r * 2^(level - bias) on: 1 draws twice as fine."""
+    """Cells are taken from r * 2^(level - bias) on: 1 draws twice as coarse."""
     near_radius: float | None = None
     """Metres within which leaves are geometry; None: r, as the cut defines it."""
     far_only: bool = False
