@@ -62,7 +62,7 @@ def _forest(folder: Path) -> Path:
 def _tokyo(folder: Path) -> Path:
     """2 km x 2 km of central Tokyo's roofs."""
     archive = DATA / "tokyo_core_lod2/roofs.npz"
-    script, bbox = ROOT / "scripts/convert_tokyo.py", "-7200,-36600,-5200,-34600"
+    script, bbox = ROOT / "scripts/convert_tokyo.py", "-3000,-2600,-1000,-600"
     target = folder / "tokyo.fgb"
     subprocess.run([sys.executable, str(script), str(archive), str(target), f"--bbox={bbox}"], check=True)
     return target
