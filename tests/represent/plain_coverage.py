@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def greedy(nearest: np.ndarray, quality: np.ndarray, tolerance: float, most: int) -> list[int]:
-    """nearest, quality: (views, p, p), 1e30 = nothing. What is hidden counts nothing; best gain first."""
-    shown = np.where(nearest <= nearest.min(0) + np.float32(tolerance), quality, 0)
+def greedy(nearest: np.ndarray, quality: np.ndarray, tolerance: float, behind: float, most: int) -> list[int]:
+    """nearest, quality: (views, p, p), 1e30 = nothing. What is hidden counts less; best gain first."""
+    shown = np.where(nearest <= nearest.min(0) + np.float32(tolerance), quality, quality * np.float32(behind))
     chosen: list[int] = []
     best = np.zeros(nearest.shape[1:], np.float32)
     while len(chosen) < most:

@@ -89,9 +89,9 @@ def test_greedy_equals_plain_twin(seed: int) -> None:
     r = np.random.default_rng(seed)
     nearest = r.uniform(10, 12, (7, 12, 12)).astype(np.float32)
     nearest[r.random(nearest.shape) < 0.3] = 1e30
-    # Quarters add up exactly, whatever the order.
-    quality = np.where(nearest < 1e30, r.integers(1, 5, nearest.shape) / 4, 0).astype(np.float32)
-    expected = greedy(nearest, quality, 0.5, 5)
+    # Halves and quarters add up exactly, whatever the order.
+    quality = np.where(nearest < 1e30, r.integers(1, 5, nearest.shape) / 2, 0).astype(np.float32)
+    expected = greedy(nearest, quality, 0.5, 0.5, 5)
     found = np.empty(5, np.int64)
-    count = greedy_cover(nearest, quality, np.float32(0.5), found)
+    count = greedy_cover(nearest, quality, np.float32(0.5), np.float32(0.5), found)
     assert found[:count].tolist() == expected

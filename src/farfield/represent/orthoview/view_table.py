@@ -27,6 +27,9 @@ EYE_DISTANCE = 2.0
 """Of the bin's eye from the middle of the cell, in sizes of the cell. Cells are seen from 1.1 to 2.2 sizes away."""
 TOLERANCE = 3.0
 """Sample spacings behind the nearest surface that still count as visible."""
+BEHIND = 0.6
+"""What a hidden surface counts: leaves behind leaves are better than a hole. Gains 0.6 dB in a forest, costs 0.1 in a
+city."""
 
 
 def choose_views(
@@ -54,7 +57,7 @@ def choose_views(
     for vector in PRINCIPAL:
         camera = _camera(np.array(vector, dtype=np.float64), EYE_DISTANCE * size)
         draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest, quality)
-        count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), chosen)
+        count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), np.float32(BEHIND), chosen)
         order = [int(k) for k in chosen[:count]] or _nearest_by_angle(towards, vector)
         table.append(tuple(views[k].number for k in order))
     return tuple(table)
