@@ -12,7 +12,12 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-@pytest.mark.parametrize("name", NAMES)
+IN_A_BROWSER = ("page",)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.browser] * (name in IN_A_BROWSER)) for name in NAMES]
+)
 def test_a_benchmark_in_small(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", name, "--quick", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)

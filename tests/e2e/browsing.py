@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import ConsoleMessage, Page, Request
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
 FLAGS = [
     "--no-sandbox",
@@ -23,6 +26,31 @@ FLAGS = [
     "--ignore-gpu-blocklist",
 ]
 """Software WebGL2 (Mesa llvmpipe through EGL); the same on machines with and without a graphics card."""
+
+FLIGHT = """async ({seconds, middle, radius, height}) => {
+  const begun = performance.now(), first = farfield.stats(), again = [], asked = window.fetch;
+  let most = 0;
+  window.fetch = (url, init) => {
+    const {pathname, searchParams} = new URL(url);
+    const keys = pathname.endsWith("/batch") ? searchParams.getAll("key") : [pathname.slice(1)];
+    again.push(...keys.filter((key) => farfield.world.holds(key)));
+    return asked(url, init);
+  };
+  const [x, y, z] = middle;
+  for (let t = 0; t < seconds; t = (performance.now() - begun) / 1000) {
+    const a = t / seconds * 2 * Math.PI, r = radius * (1 + 0.55 * Math.sin(2 * a));
+    const eye = [x + r * Math.cos(a), y + r * Math.sin(a), z + height * (1 + 0.8 * Math.sin(3 * a))];
+    farfield.setCamera({eye, target: middle});
+    await new Promise(requestAnimationFrame);
+    most = Math.max(most, farfield.stats().cache_bytes);
+  }
+  await farfield.whenComplete();
+  window.fetch = asked;
+  const last = farfield.stats();
+  return {most, again, frames: last.frames - first.frames, fetched: last.bytes - first.bytes, last};
+}"""
+"""A round about `middle` that comes near and goes away, up and down, looking at it. What it gives: the most bytes held
+at once, keys that were asked for while they were held, frames drawn, bytes received, and the page's last figures."""
 
 Pixels = NDArray[np.uint8]
 _TILE = re.compile(r"(?:orthoview|geometry|mesh)/[0-9a-f/-]+$")
@@ -63,6 +91,12 @@ class Visit:
         found: dict[str, Any] = self.do("farfield.stats()")
         return found
 
+    def fly(self, seconds: float, middle: tuple[float, float, float], radius: float, height: float) -> dict[str, Any]:
+        """Flies along FLIGHT; radius and height: metres, on average."""
+        way = {"seconds": seconds, "middle": middle, "radius": radius, "height": height}
+        flight: dict[str, Any] = self.do(FLIGHT, way)
+        return flight
+
     def picture(self) -> Pixels:
         """(480, 640, 3) uint8: what is on the screen, without the interface."""
         self.do("farfield.hideInterface()")
@@ -82,6 +116,21 @@ class Visit:
             self.fetched += [part.removeprefix("key=") for part in request.url.split("?")[1].split("&")]
         elif found := _TILE.search(request.url):
             self.fetched.append(found[0])
+
+
+def system_chromium() -> str | None:
+    """Path of the system's Chromium; None when Playwright's own is to be used."""
+    found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome"))
+    return next(filter(None, found), None)
+
+
+@contextmanager
+def opened_browser() -> Iterator[Browser]:
+    """A Chromium that draws in software."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=system_chromium(), args=FLAGS)
+        yield browser
+        browser.close()
 
 
 def psnr(a: Pixels, b: Pixels) -> float:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
-from e2e.browsing import FLAGS, Visit
+from e2e.browsing import Visit, opened_browser
 from e2e.world import town
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
@@ -45,12 +45,10 @@ def address(world: DirectoryStore) -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def browser(chromium: str | None) -> Iterator[Browser]:
+def browser() -> Iterator[Browser]:
     """Chromium that draws in software."""
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+    with opened_browser() as opened:
         yield opened
-        opened.close()
 
 
 @pytest.fixture

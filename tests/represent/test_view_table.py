@@ -26,9 +26,7 @@ def box(x: float, y: float, width: float, height: float) -> np.ndarray:
     """(5, 4, 3): the walls and roof of a square tower."""
     a, b = np.array([x, y]), np.array([x + width, y + width])
     c = [[a[0], a[1]], [b[0], a[1]], [b[0], b[1]], [a[0], b[1]]]
-    walls = [
-        [[*c[k], 0], [*c[(k + 1) % 4], 0], [*c[(k + 1) % 4], height], [*c[k], height]] for k in range(4)
-    ]
+    walls = [[[*c[k], 0], [*c[(k + 1) % 4], 0], [*c[(k + 1) % 4], height], [*c[k], height]] for k in range(4)]
     return np.array([*walls, [[*p, height] for p in c]], dtype=np.float64)
 
 
@@ -40,9 +38,7 @@ def town() -> dict[int, list[OrthoLayer]]:
     material = Material("wall")
     mesh = BlockedMesh.from_mesh(quad_mesh(np.concatenate([ground, *towers]), material))
     chunk = mesh.cell_chunk(np.eye(3, 4), GRID, LEAF[1:])
-    layers = {
-        d.number: draw_leaf(chunk, MaterialTable.build([material]), GRID, LEAF, d, 2, 2) for d in parse("26")
-    }
+    layers = {d.number: draw_leaf(chunk, MaterialTable.build([material]), GRID, LEAF, d, 2, 2) for d in parse("26")}
     for drawn in layers.values():
         for layer in drawn:
             mark_connected(layer)

@@ -23,18 +23,20 @@ def command(
     as_json: JsonOption = False,
 ) -> None:
     """Bake the bundled scene (the first time), serve it and open the browser."""
+    serve_world(demo_world(), ServeRequest(host, port, bandwidth, open_browser, as_json))
+
+
+def demo_world() -> Path:
+    """The folder of the bundled scene's world, baked unless it is there. Raises FarfieldError."""
     place = cache_folder() / f"demo-{_fingerprint()}"
-    if not is_world(place):
-        _bake(place)
-    serve_world(place, ServeRequest(host, port, bandwidth, open_browser, as_json))
-
-
-def _bake(place: Path) -> None:
+    if is_world(place):
+        return place
     from farfield.bake.options import BakeOptions
     from farfield.pipeline import bake_sources
 
     with shown_progress() as progress:
         bake_sources([SCENE], place, BakeOptions(resolution=RESOLUTION), progress)
+    return place
 
 
 def _fingerprint() -> str:

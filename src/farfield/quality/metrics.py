@@ -68,9 +68,7 @@ def covered(*alphas: NDArray[np.integer]) -> NDArray[np.bool_]:
     padded = np.pad(mask, DILATION)
     height, width = mask.shape
     span = range(2 * DILATION + 1)
-    grown: NDArray[np.bool_] = np.logical_or.reduce(
-        [padded[y : y + height, x : x + width] for y in span for x in span]
-    )
+    grown: NDArray[np.bool_] = np.logical_or.reduce([padded[y : y + height, x : x + width] for y in span for x in span])
     return grown
 
 

@@ -115,9 +115,7 @@ def decode_tile(data: bytes, where: str = "") -> DecodedTile:
 def _decode_depth(header: TileHeader, planes: Mapping[int, Plane], where: str) -> NDArray[np.uint16]:
     pixels, valid = header.width * header.height, header.valid
     mask_bytes = (pixels + 7) // 8
-    content = np.frombuffer(
-        container.inflated(planes, DEPTH, "depth", mask_bytes + 2 * valid, where), dtype=np.uint8
-    )
+    content = np.frombuffer(container.inflated(planes, DEPTH, "depth", mask_bytes + 2 * valid, where), dtype=np.uint8)
     bits = np.unpackbits(content[:mask_bytes])
     mask = np.bitwise_xor.accumulate(bits[:pixels].reshape(header.height, header.width), axis=0)
     if bits[pixels:].any() or int(np.count_nonzero(mask)) != valid:
