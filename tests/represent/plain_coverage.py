@@ -6,7 +6,8 @@ import numpy as np
 
 
 def greedy(nearest: np.ndarray, quality: np.ndarray, tolerance: float, behind: float, most: int) -> list[int]:
-    """nearest, quality: (views, p, p), 1e30 = nothing. What is hidden counts less; best gain first."""
+    """nearest, quality: (eyes, views, p, p), 1e30 = nothing. What is hidden counts less; best gain first."""
+    nearest, quality = (np.concatenate(list(a), axis=1) for a in (nearest, quality))
     shown = np.where(nearest <= nearest.min(0) + np.float32(tolerance), quality, quality * np.float32(behind))
     chosen: list[int] = []
     best = np.zeros(nearest.shape[1:], np.float32)

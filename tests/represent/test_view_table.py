@@ -83,7 +83,7 @@ def test_nothing_drawn_nothing_chosen() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_greedy_equals_plain_twin(seed: int) -> None:
     r = np.random.default_rng(seed)
-    nearest = r.uniform(10, 12, (7, 12, 12)).astype(np.float32)
+    nearest = r.uniform(10, 12, (3, 7, 12, 12)).astype(np.float32)
     nearest[r.random(nearest.shape) < 0.3] = 1e30
     # Halves and quarters add up exactly, whatever the order.
     quality = np.where(nearest < 1e30, r.integers(1, 5, nearest.shape) / 2, 0).astype(np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from farfield.geometry.cameras import Camera
 from farfield.geometry.directions import Direction
 from farfield.geometry.normals import DECODED
+from farfield.kernels.splat import FOOTPRINT
 from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
 
@@ -77,12 +78,13 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
     else:
         rho = p * frame.camera.focal(frame.size) / d
         U_screen, V_screen, U_depth, V_depth = np.array([rho, 0]), np.array([0, rho]), 0.0, 0.0
-    root = np.sqrt(layer.coverage[j, i] / 16)
-    T = np.stack([U_screen, V_screen], 1) * root
+    share, whole = layer.coverage[j, i] / 16, abs(np.linalg.det(np.stack([U_screen, V_screen], 1)))
+    shrunk = FOOTPRINT[layer.coverage[j, i]]
+    T = np.stack([U_screen, V_screen], 1) * shrunk
     area = np.pi / 2 * abs(np.linalg.det(T))
     x0, y0 = int(np.floor(s[0])), int(np.floor(s[1]))
     if area < 1:
-        if lattice_hash(layer.x + i, layer.y + j) < area:
+        if lattice_hash(layer.x + i, layer.y + j) < (share * whole if whole >= 1 else 1 - (1 - share) ** whole):
             frame.put(x0, y0, d, j, i)
         return
     reach = np.sqrt((T * T).sum(1) / 2)
@@ -95,4 +97,4 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
         for x in range(first[0], last[0] + 1):
             alpha, beta = np.linalg.solve(T, [x + 0.5 - s[0], y + 0.5 - s[1]])
             if alpha**2 + beta**2 <= 0.5 or (x, y) == (x0, y0):
-                frame.put(x, y, max(d + (alpha * U_depth + beta * V_depth) * root, d / 2), j, i)
+                frame.put(x, y, max(d + (alpha * U_depth + beta * V_depth) * shrunk, d / 2), j, i)

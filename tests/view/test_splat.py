@@ -7,6 +7,7 @@ import pytest
 
 from farfield.geometry.cameras import Camera
 from farfield.geometry.directions import TOP, parse, principal
+from farfield.kernels.splat import FOOTPRINT
 from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
@@ -86,23 +87,40 @@ def test_surface_holds_albedo_light_and_normal() -> None:
     assert wrong <= 0.005 * len(plain.pixel) + 1
 
 
-def test_thin_splats_keep_their_share() -> None:
-    """A loosely filled square seen from so far that each splat is smaller than a sample."""
+def filled_by_discs(radius: float) -> float:
+    """Share of a plane that discs of that radius about the points of the unit grid fill; radius up to the square root
+    of a half. Each reaches into four neighbours' squares by a segment."""
+    if radius <= 0.5:
+        return float(np.pi * radius**2)
+    segment = radius**2 * np.arccos(0.5 / radius) - 0.5 * np.sqrt(radius**2 - 0.25)
+    return float(np.pi * radius**2 - 4 * segment)
+
+
+def test_footprints_fill_the_share_they_stand_for() -> None:
+    for sixteenths, shrunk in enumerate(FOOTPRINT):
+        assert filled_by_discs(shrunk * np.sqrt(0.5)) == pytest.approx(sixteenths / 16, abs=2e-4)
+
+
+def shown_share(coverage: int, samples: float) -> float:
+    """Share that is drawn of a square of equal loose pixels, seen from above with so many samples across a pixel."""
     shape = 512, 512
-    full = np.full(shape, 8, np.uint8)
     layer = OrthoLayer(
         0, 0, 0, np.full(shape, 8, np.uint16), np.full((*shape, 3), 128, np.uint8), np.full((*shape, 2), 32, np.uint8),
-        full, np.full(shape, 2, np.uint8), np.zeros(shape, np.uint8),
+        np.full(shape, 8, np.uint8), np.full(shape, coverage, np.uint8), np.zeros(shape, np.uint8),
     )  # fmt: skip
     grid = Grid(512.0, 512, (0.0, 0.0, 0.0), (0, 0, 0))
-    camera = Camera((256.0, -256.0, 5000.0), (256.0, -256.0, 0.0), 6.0)
-    frame = Frame.empty(camera, (1024, 1024), 1)
+    # Turned about the view axis, so that pixels and samples do not fall into step.
+    camera = Camera((256.0, -256.0, 4000.0), (256.5, -255.0, 0.0), 2 * float(np.degrees(np.arctan(150 / 4000))))
+    frame = Frame.empty(camera, (round(300 * samples), round(300 * samples)), 1)
     frame.splat(layer, principal(TOP), grid, 0, Light())
-    pitch = camera.focal((1024, 1024)) / 5000
-    # Each of the 512 x 512 splats shall cover pi/2 * 1/8 of a pixel; some fall on the same sample.
-    expected = 1 - np.exp(-np.pi / 2 / 8)
-    seen = np.isfinite(frame.depth).sum() / (512 * 512 * pitch * pitch)
-    assert seen == pytest.approx(expected, abs=0.02)
+    return float(np.isfinite(frame.depth).mean())
+
+
+@pytest.mark.parametrize("coverage", [1, 2, 5, 9, 13, 16])
+@pytest.mark.parametrize("samples", [0.3, 0.6, 0.9, 2.3, 5.4])
+def test_a_canopy_keeps_its_cover_at_any_distance(coverage: int, samples: float) -> None:
+    """samples: of the frame across a pixel, so that splats are thinner than one or many wide."""
+    assert shown_share(coverage, samples) == pytest.approx(coverage / 16, abs=0.06)
 
 
 def test_nothing_behind_the_eye() -> None:

@@ -118,41 +118,44 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, qual
 
 
 @kernel(
-    types.int64(types.float32[:, :, ::1], types.float32[:, :, ::1], types.float32, types.float32, types.int64[::1]),
+    types.int64(types.float32[:, :, :, ::1], types.float32[:, :, :, ::1], types.float32, types.float32, types.int64[::1]),
     allocates=True,
 )  # fmt: skip
 def greedy_cover(nearest, quality, tolerance, behind, chosen):  # type: ignore[no-untyped-def]
     """Chooses views one after the other, each the one that adds most; returns how many add anything.
 
-    nearest, quality: as draw_samples leaves them; quality is written. tolerance: metres behind the nearest of all views
-    that still count as visible. behind: what a hidden surface counts, of its quality: it fills a hole, if with the
-    wrong thing. chosen: (m,) int64, written. Ties go to the earlier view.
+    nearest, quality: (eyes, views, p, p) float32, for each eye as draw_samples leaves them; quality is written.
+    tolerance: metres behind the nearest of all views that still count as visible. behind: what a hidden surface counts,
+    of its quality: it fills a hole, if with the wrong thing. chosen: (m,) int64, written. Ties go to the earlier view.
     """
-    views, size, _ = nearest.shape
-    best = np.zeros((size, size), np.float32)
-    for p in range(size):
-        for q in range(size):
-            front = _NOTHING
-            for view in range(views):
-                front = min(front, nearest[view, p, q])
-            for view in range(views):
-                if nearest[view, p, q] > front + tolerance:
-                    quality[view, p, q] *= behind
+    eyes, views, size, _ = nearest.shape
+    best = np.zeros((eyes, size, size), np.float32)
+    for eye in range(eyes):
+        for p in range(size):
+            for q in range(size):
+                front = _NOTHING
+                for view in range(views):
+                    front = min(front, nearest[eye, view, p, q])
+                for view in range(views):
+                    if nearest[eye, view, p, q] > front + tolerance:
+                        quality[eye, view, p, q] *= behind
     for place in range(chosen.size):
         most, winner = _F0, -1
         for view in range(views):
             gain = _F0
-            for p in range(size):
-                for q in range(size):
-                    gain += max(_F0, quality[view, p, q] - best[p, q])
+            for eye in range(eyes):
+                for p in range(size):
+                    for q in range(size):
+                        gain += max(_F0, quality[eye, view, p, q] - best[eye, p, q])
             if gain > most:
                 most, winner = gain, view
         if winner < 0:
             return place
         chosen[place] = winner
-        for p in range(size):
-            for q in range(size):
-                best[p, q] = max(best[p, q], quality[winner, p, q])
+        for eye in range(eyes):
+            for p in range(size):
+                for q in range(size):
+                    best[eye, p, q] = max(best[eye, p, q], quality[eye, winner, p, q])
     return chosen.size
 
 

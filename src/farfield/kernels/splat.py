@@ -31,7 +31,17 @@ LIGHT_STEPS = 254
 STEEPEST = 4.0
 """A surface rising more than this many pixels a pixel is drawn as if it rose no more."""
 
-_COVERAGE_ROOT = np.sqrt(np.arange(17) / 16.0).astype(np.float32)
+FOOTPRINT = (
+    0.0, 0.1995, 0.2821, 0.3455, 0.3989, 0.4460, 0.4886, 0.5278, 0.5642,
+    0.5984, 0.6308, 0.6616, 0.6910, 0.7217, 0.7660, 0.8301, 1.0,
+)  # fmt: skip
+"""By coverage in sixteenths, how much smaller than that of a full pixel a footprint is along both axes: the ellipses of
+a plane of equal pixels fill that share of it. Scaling areas by the coverage, though full pixels overlap by half their
+area and thin ones not at all, showed a cover of 30 % as 47: worth 0.1 to 0.3 dB at statues, and in FLIP everywhere."""
+
+_FOOTPRINT = np.array(FOOTPRINT, dtype=np.float32)
+_COVERAGE = (np.arange(17) / 16.0).astype(np.float32)
+_OPEN_BITS = np.log2(np.maximum(1.0 - np.arange(17) / 16.0, 1e-30)).astype(np.float32)
 _LENGTH = (np.arange(9) / 8.0).astype(np.float32)
 _F0, _F1, _HALF, _QUARTER = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(0.25)
 _SLOPE = np.float32(STEEPEST)
@@ -67,6 +77,14 @@ def _lambert(cosine, length):  # type: ignore[no-untyped-def]
         return _QUARTER + _HALF * mu
     spread = (_F1 - length) * (np.float32(0.36) + np.float32(0.28) * length)
     return _HALF * (mu + math.sqrt(mu * mu + spread * max(_F0, _F1 - cosine * cosine)))
+
+
+@device
+def _thin_chance(whole, coverage):  # type: ignore[no-untyped-def]
+    """Chance that a splat of less than a sample is drawn. whole: samples that the pixel would cover if it were full."""
+    if whole >= _F1:
+        return whole * _COVERAGE[coverage]
+    return _F1 - np.float32(2.0) ** (whole * _OPEN_BITS[coverage])
 
 
 @device
@@ -150,12 +168,12 @@ def splat_layer(  # type: ignore[no-untyped-def]
             sy = (yu * cu + yv * cv + yw * cw) * inverse
             if not (-_FAR < sx < _FAR and -_FAR < sy < _FAR):
                 continue
-            root = _COVERAGE_ROOT[coverage[j, i]]
+            shrunk = _FOOTPRINT[coverage[j, i]]
             if connected:
                 below = nw if abs(nw) >= _LEAST else -_LEAST
                 a = min(max(-nu / below, -_SLOPE), _SLOPE)
                 b = min(max(-nv / below, -_SLOPE), _SLOPE)
-                scale = pitch * root
+                scale = pitch * shrunk
                 ud = scale * (wu + a * ww)
                 vd = scale * (wv + b * ww)
                 ux = (scale * (xu + a * xw) - sx * ud) * inverse
@@ -163,7 +181,7 @@ def splat_layer(  # type: ignore[no-untyped-def]
                 vx = (scale * (xv + b * xw) - sx * vd) * inverse
                 vy = (scale * (yv + b * yw) - sy * vd) * inverse
             else:
-                ux = vy = pitch * root * focal * inverse
+                ux = vy = pitch * shrunk * focal * inverse
                 uy = vx = ud = vd = _F0
             determinant = ux * vy - vx * uy
             area = _HALF_PI * abs(determinant)
@@ -192,9 +210,10 @@ def splat_layer(  # type: ignore[no-untyped-def]
             x0 = math.floor(sx)
             y0 = math.floor(sy)
             if area < _F1:
+                chance = _thin_chance(abs(determinant) / (shrunk * shrunk), coverage[j, i])
                 if (
                     0 <= x0 < width and 0 <= y0 < height and d < frame_depth[y0, x0]
-                    and np.float32(_lattice_hash(row_hash, (lattice_x + i) & 0xFFFFFFFF)) * _HASH_UNIT < area
+                    and np.float32(_lattice_hash(row_hash, (lattice_x + i) & 0xFFFFFFFF)) * _HASH_UNIT < chance
                 ):  # fmt: skip
                     frame_depth[y0, x0] = d
                     frame_surface[y0, x0] = surface

@@ -19,12 +19,17 @@ from farfield.represent.orthoview.layer import OrthoLayer
 
 MOST_VIEWS = 5
 """Directions listed for a bin, best first."""
+EYES = 5
+"""Of a bin."""
 PICTURE = 48
 """Width and height of the small pictures, pixels."""
 SAMPLES_ACROSS = 48
 """Samples of a view across a cell."""
 EYE_DISTANCE = 2.0
 """Of the bin's eye from the middle of the cell, in sizes of the cell. Cells are seen from 1.1 to 2.2 sizes away."""
+EYE_SPREAD = 20.0
+"""Degrees between the middle of a bin and its four other eyes. With one eye in the middle the bins on the horizon saw
+no roofs and no ground: 1.3 dB in a city from r on, 0.7 two levels up, 0.2 to 0.3 in a forest and at statues."""
 TOLERANCE = 3.0
 """Sample spacings behind the nearest surface that still count as visible."""
 BEHIND = 0.6
@@ -49,18 +54,28 @@ def choose_views(
     spacing = step * grid.pitch(key.level)
     samples, starts = _samples(layers, views, grid, key.level, middle, step)
     towards = np.array([d.vector for d in views], dtype=np.float32)
-    nearest = np.empty((len(views), PICTURE, PICTURE), np.float32)
+    nearest = np.empty((EYES, len(views), PICTURE, PICTURE), np.float32)
     quality = np.empty_like(nearest)
     chosen = np.empty(MOST_VIEWS, np.int64)
     focal = np.float32(PICTURE * EYE_DISTANCE / 1.5)
     table = []
     for vector in PRINCIPAL:
-        camera = _camera(np.array(vector, dtype=np.float64), EYE_DISTANCE * size)
-        draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest, quality)
+        for eye, looking in enumerate(_eyes(vector)):
+            camera = _camera(looking, EYE_DISTANCE * size)
+            draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest[eye], quality[eye])
         count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), np.float32(BEHIND), chosen)
         order = [int(k) for k in chosen[:count]] or _nearest_by_angle(towards, vector)
         table.append(tuple(views[k].number for k in order))
     return tuple(table)
+
+
+def _eyes(vector: tuple[int, int, int]) -> NDArray[np.float64]:
+    """(EYES, 3) directions to the eyes of a bin: its middle, and EYE_SPREAD to the sides, up and down."""
+    middle = np.array(vector, dtype=np.float64)
+    middle /= math.sqrt(float((middle * middle).sum()))
+    u, v, _ = Direction(-1, (float(middle[0]), float(middle[1]), float(middle[2]))).axes
+    spread = math.tan(math.radians(EYE_SPREAD))
+    return np.array([middle, *(middle + spread * side for side in (u, -u, v, -v))])
 
 
 def _nearest_by_angle(towards: NDArray[np.float32], vector: tuple[int, int, int]) -> list[int]:

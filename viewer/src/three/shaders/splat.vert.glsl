@@ -22,6 +22,10 @@ flat out vec3 radiance;
 
 const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
 const float STEEPEST = 4.0;
+// By coverage 1..16: the ellipses of a plane of equal pixels fill that share of it.
+const float FOOTPRINT[16] = float[16](
+    0.1995, 0.2821, 0.3455, 0.3989, 0.4460, 0.4886, 0.5278, 0.5642,
+    0.5984, 0.6308, 0.6616, 0.6910, 0.7217, 0.7660, 0.8301, 1.0);
 
 uint latticeHash(uint i, uint j) {
     uint h = (i * 0x9E3779B1u) ^ (j * 0x85EBCA77u);
@@ -55,8 +59,9 @@ void main() {
 
     float inverseD = 1.0 / d;
     vec2 s = vec2(dot(toX, c), dot(toY, c)) * inverseD;
-    float root = sqrt(float(((position.z >> 12) & 15u) + 1u) * 0.0625);
-    float size = pitch * root;
+    uint cover = (position.z >> 12) & 15u; // less one, sixteenths
+    float shrunk = FOOTPRINT[cover];
+    float size = pitch * shrunk;
     vec2 U, V;
     vec2 along = vec2(0.0); // depth along U and V
     if (connected) {
@@ -73,7 +78,10 @@ void main() {
     float area = 1.57079633 * abs(det);
     if (area < 1.0) {
         uint h = latticeHash(uint(lattice.x + int(column)), uint(lattice.y + int(row)));
-        if (float(h) * (1.0 / 4294967296.0) >= area) return;
+        float share = float(cover + 1u) * 0.0625;
+        float whole = abs(det) / (shrunk * shrunk);
+        float chance = whole >= 1.0 ? whole * share : 1.0 - exp2(whole * log2(max(1.0 - share, 1e-30)));
+        if (float(h) * (1.0 / 4294967296.0) >= chance) return;
         centre = vec4(s, d, 0.0);
         conic = vec3(0.0);
         slope = vec2(0.0);
