@@ -14,7 +14,7 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
-from farfield.represent.orthoview import leaf
+from farfield.represent.orthoview import leaf, visibility
 from farfield.scene.model import Material, Mesh
 
 CELL = CellKey(0, 0, 0, 0)
@@ -43,11 +43,11 @@ def _measured(mesh: Mesh, table: MaterialTable, grid: Grid, runs: int) -> dict[s
     for layers in (1, 2):
         figures[f"view_{layers}_ms"] = _views(chunk, table, grid, layers, runs)
     figures["million_triangles_per_second"] = len(chunk.triangles) / figures["view_1_ms"] / 1e3
-    chosen = leaf.KEY_BELOW
+    chosen = visibility.KEY_BELOW
     for name, limit in (("visibility", 0.0), ("key", np.inf)):
-        leaf.KEY_BELOW = limit
+        visibility.KEY_BELOW = limit
         figures[f"view_1_{name}_ms"] = _views(chunk, table, grid, 1, runs)
-    leaf.KEY_BELOW = chosen
+    visibility.KEY_BELOW = chosen
     return figures
 
 

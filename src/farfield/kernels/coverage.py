@@ -118,7 +118,9 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, qual
 
 
 @kernel(
-    types.int64(types.float32[:, :, :, ::1], types.float32[:, :, :, ::1], types.float32, types.float32, types.int64[::1]),
+    types.int64(
+        types.float32[:, :, :, ::1], types.float32[:, :, :, ::1], types.float32, types.float32, types.int64[::1]
+    ),
     allocates=True,
 )  # fmt: skip
 def greedy_cover(nearest, quality, tolerance, behind, chosen):  # type: ignore[no-untyped-def]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +10,9 @@ from numpy.typing import NDArray
 from farfield.errors import OptionError
 from farfield.geometry.directions import Direction
 from farfield.kernels.lanes import LANES
-from farfield.kernels.project import lattice_bounds, mean_area, project_orthographic
+from farfield.kernels.project import lattice_bounds, project_orthographic
 from farfield.kernels.quantise import quantise
-from farfield.kernels.rasterise import TILE, rasterise
-from farfield.kernels.rasterise_key import EMPTY, rasterise_key, unpack_keys
 from farfield.kernels.resolve import PLANES, resolve
-from farfield.kernels.surface import FAR, NOTHING
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
@@ -28,16 +23,7 @@ from farfield.represent.orthoview.layer import (
     SEPARATION,
     OrthoLayer,
 )
-
-KEY_BELOW = 32.0
-"""Mean area of a triangle in samples: below this the 64-bit-key rasteriser is the faster one. Measured, key against
-visibility buffer: 55 to 84 ms for a million leaves of 4 samples, 9 to 11 ms for 82,000 triangles of a statue of 18,
-12 to 10 ms for 20,000 faces of a city of 440."""
-
-SORT_FROM = 20_000
-"""Triangles: from here on sorting them pays. A pass over 1 M leaves of a forest took 620 ms without, 400 with."""
-
-_scratch = threading.local()
+from farfield.represent.orthoview.visibility import facing, floats, nearest_surface, scratched, surface_behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +54,7 @@ def draw_leaf(
 
     chunk: triangles relative to the lower corner of the cell; its material numbers refer to `materials`.
     samples: 1 to 8 samples along each side of a pixel.
-    layers: 1 or 2; the second holds the nearest surface more than SEPARATION pitches behind the first.
+    layers: 1 or 2; the second holds a surface more than SEPARATION pitches behind the first, see `visibility`.
     `connected` is left 0 but for the unlit bit. Raises OptionError for other values of samples or layers.
     """
     if not 1 <= samples <= 8 or layers not in (1, 2):
@@ -81,14 +67,13 @@ def draw_leaf(
     if frame is None:
         return []
     drawn: list[OrthoLayer] = []
-    behind: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
-    order = _front_to_back(frame, chunk)
+    shape = (frame.height * samples, frame.width * samples)
+    depth, ids = nearest_surface(frame.screen, chunk, materials, shape)
     for number in range(layers):
-        depth, ids = _visible(frame, chunk, materials, behind, order, samples)
         wanted = number + 1 < layers
-        behind = _floats("behind", (depth.shape[0], depth.shape[1] + LANES)) if wanted else behind[:0, :0]
-        pixels = _floats("pixels", (frame.height, frame.width, PLANES))
-        objects = _scratched("objects", (frame.height, frame.width), np.dtype(np.uint32))
+        behind = floats("behind", (shape[0], shape[1] + LANES) if wanted else (0, 0))
+        pixels = floats("pixels", (frame.height, frame.width, PLANES))
+        objects = scratched("objects", (frame.height, frame.width), np.dtype(np.uint32))
         valid = resolve(
             frame.screen, chunk.surface, materials.arrays, frame.axes, samples, SEPARATION, depth, ids, behind, pixels,
             objects,
@@ -96,6 +81,11 @@ def draw_leaf(
         if valid == 0:
             break
         drawn.append(_layer(frame, pixels, objects))
+        if wanted:
+            chunk = facing(frame.screen, chunk, materials)
+            if not len(chunk.triangles):
+                break
+            depth, ids = surface_behind(frame.screen, chunk, materials, shape, behind)
     return drawn
 
 
@@ -116,43 +106,6 @@ def _frame(chunk: Chunk, grid: Grid, key: CellKey, direction: Direction, samples
     project_orthographic(chunk.positions, matrix, first, samples, screen)
     x, y, depth = (int(v) for v in first)
     return _Frame(x, y, width, height, depth, screen, direction.axes.astype(np.float32))
-
-
-def _visible(
-    frame: _Frame,
-    chunk: Chunk,
-    materials: MaterialTable,
-    behind: NDArray[np.float32],
-    order: NDArray[np.uint32],
-    samples: int,
-) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    shape = (frame.height * samples, frame.width * samples)
-    depth, ids = _floats("depth", shape), _scratched("ids", shape, np.dtype(np.uint32))
-    if mean_area(frame.screen, chunk.triangles, 1 + len(chunk.triangles) // 4096) < KEY_BELOW:
-        keys = _scratched("keys", (shape[0], shape[1] + LANES), np.dtype(np.int64))
-        keys.fill(EMPTY)
-        rasterise_key(frame.screen, chunk.surface, materials.arrays, behind, keys)
-        unpack_keys(keys, depth, ids)
-    else:
-        depth.fill(FAR)
-        ids.fill(NOTHING)
-        tiles = (-(-shape[0] // TILE), -(-shape[1] // TILE)) if len(order) else (0, 0)
-        farthest = _floats("farthest", tiles)
-        rasterise(frame.screen, chunk.surface, materials.arrays, behind, order, farthest, depth, ids)
-    return depth, ids
-
-
-def _front_to_back(frame: _Frame, chunk: Chunk) -> NDArray[np.uint32]:
-    """(m,) uint32: the triangles by their nearest corner; (0,) where they are few."""
-    if len(chunk.triangles) < SORT_FROM:
-        return np.empty(0, dtype=np.uint32)
-    z = frame.screen[:, 2]
-    a, b, c = (z[chunk.triangles[:, k]] for k in range(3))
-    nearest = np.minimum(np.minimum(a, b), c)
-    low = nearest.min()
-    # 16 bits are sorted by radix: 12 ms a million where floats take 100.
-    steps = ((nearest - low) * (65535 / max(float(nearest.max() - low), 1e-9))).astype(np.uint16)
-    return np.argsort(steps, kind="stable").astype(np.uint32)
 
 
 def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint32]) -> OrthoLayer:
@@ -178,17 +131,3 @@ def _layer(frame: _Frame, pixels: NDArray[np.float32], objects: NDArray[np.uint3
         connected=flags[box].copy(),
         objects=objects[box].copy(),
     )
-
-
-def _floats(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    return _scratched(name, shape, np.dtype(np.float32))
-
-
-def _scratched(name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """A scratch array of this thread, contents undefined: fresh pages for every view would cost 5 ms of faults."""
-    count = int(np.prod(shape))
-    held: NDArray[Any] | None = getattr(_scratch, name, None)
-    if held is None or held.size < count:
-        held = np.empty(count, dtype=dtype)
-        setattr(_scratch, name, held)
-    return held[:count].reshape(shape)

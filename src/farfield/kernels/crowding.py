@@ -1,0 +1,98 @@
+"""How many surfaces lie over each other in a view, by tiles of samples; and drawing the last of them.
+
+The rasterisers keep what is nearest. Drawn with depths negated, what they keep is the farthest; a limit is then not a
+test of each fragment but what the buffers hold to begin with.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import types
+
+from farfield.kernels.compiling import kernel
+from farfield.kernels.rasterise_key import key_of
+from farfield.kernels.surface import F32_2, FAR, I64_2, NOTHING, U32_2
+
+CROWD_TILE = 32
+"""Samples along the side of a tile."""
+
+_HALF = np.float32(0.5)
+
+
+@kernel(types.void(F32_2, U32_2, types.int64, types.int64, F32_2))
+def crowding(screen, triangles, height, width, surfaces):  # type: ignore[no-untyped-def]
+    """Adds up the triangles' areas by tiles, in tiles: the mean number of surfaces over each other there.
+
+    screen: (n, 4) float32, as `rasterise` takes it; all corners inside the view. triangles: (m, 3) uint32. height,
+    width: of the view, samples.
+    surfaces: (ceil(h / CROWD_TILE), ceil(w / CROWD_TILE)) float32 out. The area of a triangle that touches several
+    tiles is shared out evenly among those of its bounding box.
+    """
+    for row in range(surfaces.shape[0]):
+        for column in range(surfaces.shape[1]):
+            surfaces[row, column] = np.float32(0.0)
+    scale = np.float32(1.0 / CROWD_TILE)
+    for t in range(triangles.shape[0]):
+        a = np.uintp(triangles[t, 0])
+        b = np.uintp(triangles[t, 1])
+        c = np.uintp(triangles[t, 2])
+        ax, ay = screen[a, 0] * scale, screen[a, 1] * scale
+        bx, by = screen[b, 0] * scale, screen[b, 1] * scale
+        cx, cy = screen[c, 0] * scale, screen[c, 1] * scale
+        area = _HALF * abs((bx - ax) * (cy - ay) - (cx - ax) * (by - ay))
+        left = max(int(min(ax, min(bx, cx))), 0)
+        right = min(int(max(ax, max(bx, cx))), surfaces.shape[1] - 1)
+        top = max(int(min(ay, min(by, cy))), 0)
+        bottom = min(int(max(ay, max(by, cy))), surfaces.shape[0] - 1)
+        if right < left or bottom < top:
+            continue
+        share = area / np.float32((right - left + 1) * (bottom - top + 1))
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                surfaces[row, column] += share
+    for row in range(surfaces.shape[0]):
+        for column in range(surfaces.shape[1]):
+            rows = min(CROWD_TILE, height - row * CROWD_TILE)
+            columns = min(CROWD_TILE, width - column * CROWD_TILE)
+            surfaces[row, column] *= np.float32(CROWD_TILE * CROWD_TILE / (rows * columns))
+
+
+@kernel(types.void(F32_2, F32_2, types.float32, types.boolean, F32_2))
+def limits_where(behind, surfaces, crowd, crowded, limits):  # type: ignore[no-untyped-def]
+    """behind (h, at least w) where the tile has at least `crowd` surfaces (crowded) or less (not), FAR elsewhere.
+
+    limits: (h, at least w) float32 out.
+    """
+    for y in range(limits.shape[0]):
+        for x in range(limits.shape[1]):
+            tile = surfaces[y // CROWD_TILE, min(x // CROWD_TILE, surfaces.shape[1] - 1)]
+            limits[y, x] = behind[y, x] if (tile >= crowd) == crowded else FAR
+
+
+@kernel(types.void(F32_2, I64_2))
+def begin_keys(limits, keys):  # type: ignore[no-untyped-def]
+    """Makes keys (h, w + LANES) take only what is, negated, behind limits (h, w + LANES)."""
+    for y in range(keys.shape[0]):
+        for x in range(keys.shape[1]):
+            keys[y, x] = key_of(-limits[y, x], np.int64(0))
+
+
+@kernel(types.void(F32_2, F32_2, F32_2, U32_2))
+def turn_back(limits, negated, depth, ids):  # type: ignore[no-untyped-def]
+    """Into depth (h, w) what was drawn negated into `negated` (h, w) and ids: FAR and NOTHING where nothing was."""
+    for y in range(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            z = -negated[y, x]
+            found = z > limits[y, x]
+            depth[y, x] = z if found else FAR
+            ids[y, x] = ids[y, x] if found else NOTHING
+
+
+@kernel(types.void(F32_2, U32_2, F32_2, U32_2))
+def fill_in(other_depth, other_ids, depth, ids):  # type: ignore[no-untyped-def]
+    """Takes from (h, w) other_depth and other_ids where nothing is yet."""
+    for y in range(depth.shape[0]):
+        for x in range(depth.shape[1]):
+            if ids[y, x] == NOTHING:
+                depth[y, x] = other_depth[y, x]
+                ids[y, x] = other_ids[y, x]

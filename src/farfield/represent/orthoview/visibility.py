@@ -1,0 +1,188 @@
+"""What each sample of a view sees: the nearest surface, and what to keep behind it (OV 4.1; layers: spec/orthoview.md).
+
+A second layer exists because a moved eye sees what the first one hides. Where few surfaces lie over each other that is
+the next one. In a crowd it is the last: behind a leaf there is always another leaf, and neighbouring views show those,
+but the ground below the crown is in no view at all. Measured at equal views and layers, next against last: forest
+23.1 to 28.8 dB (FLIP .150 to .114), city 26.1 to 26.7, statues 30.8 to 29.1: so each where it is better.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.kernels.crowding import CROWD_TILE, begin_keys, crowding, fill_in, limits_where, turn_back
+from farfield.kernels.lanes import LANES
+from farfield.kernels.project import mean_area
+from farfield.kernels.rasterise import TILE, rasterise
+from farfield.kernels.rasterise_key import EMPTY, rasterise_key, unpack_keys
+from farfield.kernels.surface import FAR, NOTHING
+from farfield.represent.chunk import Chunk
+from farfield.represent.materials import MaterialTable
+
+KEY_BELOW = 32.0
+"""Mean area of a triangle in samples: below this the 64-bit-key rasteriser is the faster one. Measured, key against
+visibility buffer: 55 to 84 ms for a million leaves of 4 samples, 9 to 11 ms for 82,000 triangles of a statue of 18,
+12 to 10 ms for 20,000 faces of a city of 440."""
+
+SORT_FROM = 20_000
+"""Triangles: from here on sorting them pays. A pass over 1 M leaves of a forest took 620 ms without, 400 with."""
+
+CROWD = 4.0
+"""Surfaces over each other, on average over a tile, from which on the second layer holds the last of them."""
+
+_scratch = threading.local()
+
+Samples = tuple[NDArray[np.float32], NDArray[np.uint32]]
+"""(h, w) float32 depth in pitches, FAR = nothing, and (h, w) uint32 triangle, NOTHING = none."""
+
+_UNLIMITED: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
+
+
+def nearest_surface(
+    screen: NDArray[np.float32], chunk: Chunk, materials: MaterialTable, shape: tuple[int, int]
+) -> Samples:
+    """The nearest surface of every sample. screen: (n, 4) float32, as `rasterise` takes it. In scratch arrays."""
+    return _nearest(screen, chunk, materials, shape, _UNLIMITED, "")
+
+
+def surface_behind(
+    screen: NDArray[np.float32],
+    chunk: Chunk,
+    materials: MaterialTable,
+    shape: tuple[int, int],
+    behind: NDArray[np.float32],
+) -> Samples:
+    """The surface to keep behind `behind`, (h, w + LANES) float32: in crowds the last one, else the next.
+
+    chunk: only what may be seen from the camera, see `facing`. In scratch arrays.
+    """
+    surfaces = floats("surfaces", (-(-shape[0] // CROWD_TILE), -(-shape[1] // CROWD_TILE)))
+    crowding(screen, chunk.triangles, *shape, surfaces)
+    crowded = surfaces >= CROWD
+    if not crowded.any():
+        return _nearest(screen, chunk, materials, shape, behind, "")
+    if crowded.all():
+        return _farthest(screen, chunk, materials, shape, behind)
+    limits = floats("limits", (shape[0], shape[1] + LANES))
+    limits_where(behind, surfaces, np.float32(CROWD), False, limits)
+    near_depth, near_ids = _nearest(screen, chunk, materials, shape, limits, "other ")
+    limits_where(behind, surfaces, np.float32(CROWD), True, limits)
+    depth, ids = _farthest(screen, chunk, materials, shape, limits)
+    fill_in(near_depth, near_ids, depth, ids)
+    return depth, ids
+
+
+def facing(screen: NDArray[np.float32], chunk: Chunk, materials: MaterialTable) -> Chunk:
+    """The triangles that a second layer needs: those of two-sided materials, and others that face the camera.
+
+    What is seen of a closed body from behind its surface is its inside: a city's second layers lost 4 % of their bytes
+    and gained 0.2 dB. The first layer keeps such triangles: scans are open shells.
+    """
+    a, b, c = (screen[chunk.triangles[:, k], :2].astype(np.float64) for k in range(3))
+    u, v = b - a, c - a
+    kept = (u[:, 0] * v[:, 1] - v[:, 0] * u[:, 1] < 0) | (materials.double_sided[chunk.materials] > 0)
+    if kept.all():
+        return chunk
+    return replace(chunk, triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept])
+
+
+def _nearest(
+    screen: NDArray[np.float32],
+    chunk: Chunk,
+    materials: MaterialTable,
+    shape: tuple[int, int],
+    behind: NDArray[np.float32],
+    name: str,
+) -> Samples:
+    """The nearest surface behind `behind`; name: of the scratch arrays that hold it."""
+    depth, ids = floats(name + "depth", shape), scratched(name + "ids", shape, np.dtype(np.uint32))
+    if _is_fine(screen, chunk):
+        keys = _keys(shape)
+        keys.fill(EMPTY)
+        rasterise_key(screen, chunk.surface, materials.arrays, behind, keys)
+        unpack_keys(keys, depth, ids)
+    else:
+        depth.fill(FAR)
+        ids.fill(NOTHING)
+        _rasterise(screen, chunk, materials, behind, depth, ids)
+    return depth, ids
+
+
+def _farthest(
+    screen: NDArray[np.float32],
+    chunk: Chunk,
+    materials: MaterialTable,
+    shape: tuple[int, int],
+    behind: NDArray[np.float32],
+) -> Samples:
+    """The farthest surface, if it is behind `behind`."""
+    depth, ids = floats("depth", shape), scratched("ids", shape, np.dtype(np.uint32))
+    negated = floats("negated", shape)
+    away = screen.copy()
+    # Not np.negative with out=: NumPy 2.4 gives wrong numbers for a column in place.
+    away[:, 2] *= -1
+    if _is_fine(screen, chunk):
+        keys = _keys(shape)
+        begin_keys(behind, keys)
+        rasterise_key(away, chunk.surface, materials.arrays, _UNLIMITED, keys)
+        unpack_keys(keys, negated, ids)
+    else:
+        np.negative(behind[:, : shape[1]], out=negated)
+        ids.fill(NOTHING)
+        _rasterise(away, chunk, materials, _UNLIMITED, negated, ids)
+    turn_back(behind, negated, depth, ids)
+    return depth, ids
+
+
+def _is_fine(screen: NDArray[np.float32], chunk: Chunk) -> bool:
+    return bool(mean_area(screen, chunk.triangles, 1 + len(chunk.triangles) // 4096) < KEY_BELOW)
+
+
+def _keys(shape: tuple[int, int]) -> NDArray[np.int64]:
+    return scratched("keys", (shape[0], shape[1] + LANES), np.dtype(np.int64))
+
+
+def _rasterise(
+    screen: NDArray[np.float32],
+    chunk: Chunk,
+    materials: MaterialTable,
+    behind: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    ids: NDArray[np.uint32],
+) -> None:
+    order = _front_to_back(screen, chunk)
+    tiles = (-(-depth.shape[0] // TILE), -(-depth.shape[1] // TILE)) if len(order) else (0, 0)
+    rasterise(screen, chunk.surface, materials.arrays, behind, order, floats("farthest", tiles), depth, ids)
+
+
+def _front_to_back(screen: NDArray[np.float32], chunk: Chunk) -> NDArray[np.uint32]:
+    """(m,) uint32: the triangles by their nearest corner; (0,) where they are few."""
+    if len(chunk.triangles) < SORT_FROM:
+        return np.empty(0, dtype=np.uint32)
+    z = screen[:, 2]
+    a, b, c = (z[chunk.triangles[:, k]] for k in range(3))
+    nearest = np.minimum(np.minimum(a, b), c)
+    low = nearest.min()
+    # 16 bits are sorted by radix: 12 ms a million where floats take 100.
+    steps = ((nearest - low) * (65535 / max(float(nearest.max() - low), 1e-9))).astype(np.uint16)
+    return np.argsort(steps, kind="stable").astype(np.uint32)
+
+
+def floats(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """`scratched` of float32."""
+    return scratched(name, shape, np.dtype(np.float32))
+
+
+def scratched(name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """A scratch array of this thread, contents undefined: fresh pages for every view would cost 5 ms of faults."""
+    count = int(np.prod(shape))
+    held: NDArray[Any] | None = getattr(_scratch, name, None)
+    if held is None or held.size < count:
+        held = np.empty(count, dtype=dtype)
+        setattr(_scratch, name, held)
+    return held[:count].reshape(shape)
