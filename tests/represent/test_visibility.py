@@ -78,7 +78,7 @@ def test_a_crowd_shows_its_last_surface_else_the_next(
     count: int, last: bool, key_below: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(visibility, "KEY_BELOW", key_below)
-    screen, behind = scattered(count, count, 8.0 if last else 4.0), limits(count)
+    screen, behind = scattered(count, count, 9.0 if last else 4.0), limits(count)
     depth, ids = found(screen, behind)
     expected_depth, expected_ids = plain(screen, behind, last)
     assert (ids != NOTHING).sum() > 200
@@ -101,11 +101,25 @@ def test_each_tile_decides_for_itself() -> None:
     assert CROWD < 10
 
 
-def test_the_inside_of_closed_bodies_is_left_out() -> None:
-    """One-sided triangles that turn away are dropped; those of two-sided materials and the facing ones are kept."""
+def test_the_inside_of_bodies_is_no_crowd() -> None:
+    """One-sided triangles that turn away do not count; those of two-sided materials and the facing ones do."""
     screen = np.array([[0, 0, 5, 1], [0, 8, 5, 1], [8, 0, 5, 1], [0, 0, 6, 1], [8, 0, 6, 1], [0, 8, 6, 1]], np.float32)
     chunk = chunk_of(6)
     one_sided = replace(chunk, materials=np.ones(2, np.uint32))
     # On the screen y runs down: counter-clockwise as the camera sees it turns from +y to +x.
-    assert facing(screen, one_sided, TABLE).objects.tolist() == [1]
-    assert facing(screen, chunk, TABLE).objects.tolist() == [1, 2]
+    assert facing(screen, one_sided, TABLE).tolist() == [0]
+    assert facing(screen, chunk, TABLE).tolist() == [0, 1]
+
+
+def test_a_crowd_shows_no_underside() -> None:
+    """Behind a crowd of leaves lies the ground, a closed slab: its upper side is kept, not its lower one."""
+    leaves = scattered(4, 500, 8.0)
+    slab = np.array([[0, 0, 900], [0, 40, 900], [70, 0, 900], [0, 0, 950], [70, 0, 950], [0, 40, 950]])
+    slab = np.concatenate([slab, np.ones((6, 1))], axis=1).astype(np.float32)
+    screen = np.concatenate([leaves, slab])
+    chunk = chunk_of(len(screen))
+    chunk = replace(chunk, materials=np.repeat(np.array([0, 1], np.uint32), [500, 2]))
+    behind = np.zeros((SHAPE[0], SHAPE[1] + LANES), np.float32)
+    _, ids = surface_behind(screen, chunk, TABLE, SHAPE, behind)
+    assert (ids[:20, :20] == 500).all()
+    assert not (ids == 501).any()

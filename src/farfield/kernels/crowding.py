@@ -11,7 +11,7 @@ from numba import types
 
 from farfield.kernels.compiling import kernel
 from farfield.kernels.rasterise_key import key_of
-from farfield.kernels.surface import F32_2, FAR, I64_2, NOTHING, U32_2
+from farfield.kernels.surface import F32_2, FAR, I64_2, NOTHING, U32_1, U32_2
 
 CROWD_TILE = 32
 """Samples along the side of a tile."""
@@ -25,8 +25,8 @@ def crowding(screen, triangles, height, width, surfaces):  # type: ignore[no-unt
 
     screen: (n, 4) float32, as `rasterise` takes it; all corners inside the view. triangles: (m, 3) uint32. height,
     width: of the view, samples.
-    surfaces: (ceil(h / CROWD_TILE), ceil(w / CROWD_TILE)) float32 out. The area of a triangle that touches several
-    tiles is shared out evenly among those of its bounding box.
+    surfaces: (ceil(h / CROWD_TILE), ceil(w / CROWD_TILE)) float32 out. The area of a triangle is taken to be
+    spread evenly over its bounding box.
     """
     for row in range(surfaces.shape[0]):
         for column in range(surfaces.shape[1]):
@@ -40,16 +40,16 @@ def crowding(screen, triangles, height, width, surfaces):  # type: ignore[no-unt
         bx, by = screen[b, 0] * scale, screen[b, 1] * scale
         cx, cy = screen[c, 0] * scale, screen[c, 1] * scale
         area = _HALF * abs((bx - ax) * (cy - ay) - (cx - ax) * (by - ay))
-        left = max(int(min(ax, min(bx, cx))), 0)
-        right = min(int(max(ax, max(bx, cx))), surfaces.shape[1] - 1)
-        top = max(int(min(ay, min(by, cy))), 0)
-        bottom = min(int(max(ay, max(by, cy))), surfaces.shape[0] - 1)
-        if right < left or bottom < top:
+        if area == np.float32(0.0):
             continue
-        share = area / np.float32((right - left + 1) * (bottom - top + 1))
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                surfaces[row, column] += share
+        left, right = min(ax, min(bx, cx)), max(ax, max(bx, cx))
+        top, bottom = min(ay, min(by, cy)), max(ay, max(by, cy))
+        density = area / ((right - left) * (bottom - top))
+        for row in range(max(int(top), 0), min(int(bottom) + 1, surfaces.shape[0])):
+            high = min(bottom, np.float32(row + 1)) - max(top, np.float32(row))
+            for column in range(max(int(left), 0), min(int(right) + 1, surfaces.shape[1])):
+                wide = min(right, np.float32(column + 1)) - max(left, np.float32(column))
+                surfaces[row, column] += density * high * wide
     for row in range(surfaces.shape[0]):
         for column in range(surfaces.shape[1]):
             rows = min(CROWD_TILE, height - row * CROWD_TILE)
@@ -77,15 +77,18 @@ def begin_keys(limits, keys):  # type: ignore[no-untyped-def]
             keys[y, x] = key_of(-limits[y, x], np.int64(0))
 
 
-@kernel(types.void(F32_2, F32_2, F32_2, U32_2))
-def turn_back(limits, negated, depth, ids):  # type: ignore[no-untyped-def]
-    """Into depth (h, w) what was drawn negated into `negated` (h, w) and ids: FAR and NOTHING where nothing was."""
+@kernel(types.void(F32_2, F32_2, U32_1, F32_2, U32_2))
+def turn_back(limits, negated, names, depth, ids):  # type: ignore[no-untyped-def]
+    """Into depth (h, w) what was drawn negated into `negated` (h, w) and ids: FAR and NOTHING where nothing was.
+
+    names: (m,) uint32, what the triangles that were drawn are called outside.
+    """
     for y in range(depth.shape[0]):
         for x in range(depth.shape[1]):
             z = -negated[y, x]
             found = z > limits[y, x]
             depth[y, x] = z if found else FAR
-            ids[y, x] = ids[y, x] if found else NOTHING
+            ids[y, x] = names[ids[y, x]] if found else NOTHING
 
 
 @kernel(types.void(F32_2, U32_2, F32_2, U32_2))

@@ -23,7 +23,7 @@ from farfield.represent.orthoview.layer import (
     SEPARATION,
     OrthoLayer,
 )
-from farfield.represent.orthoview.visibility import facing, floats, nearest_surface, scratched, surface_behind
+from farfield.represent.orthoview.visibility import floats, nearest_surface, scratched, surface_behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +82,6 @@ def draw_leaf(
             break
         drawn.append(_layer(frame, pixels, objects))
         if wanted:
-            chunk = facing(frame.screen, chunk, materials)
-            if not len(chunk.triangles):
-                break
             depth, ids = surface_behind(frame.screen, chunk, materials, shape, behind)
     return drawn
 

@@ -33,7 +33,10 @@ SORT_FROM = 20_000
 """Triangles: from here on sorting them pays. A pass over 1 M leaves of a forest took 620 ms without, 400 with."""
 
 CROWD = 4.0
-"""Surfaces over each other, on average over a tile, from which on the second layer holds the last of them."""
+"""Surfaces over each other that may be seen, on average over a tile, from which on the second layer holds the last.
+
+Over its tiles a forest has 14 in the middle, 58 in a tenth; a city and statues 1, and 2.4 in a hundredth.
+"""
 
 _scratch = threading.local()
 
@@ -59,36 +62,39 @@ def surface_behind(
 ) -> Samples:
     """The surface to keep behind `behind`, (h, w + LANES) float32: in crowds the last one, else the next.
 
-    chunk: only what may be seen from the camera, see `facing`. In scratch arrays.
+    In scratch arrays.
     """
+    kept = facing(screen, chunk, materials)
+    front = replace(
+        chunk, triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept]
+    )
     surfaces = floats("surfaces", (-(-shape[0] // CROWD_TILE), -(-shape[1] // CROWD_TILE)))
-    crowding(screen, chunk.triangles, *shape, surfaces)
+    crowding(screen, front.triangles, *shape, surfaces)
     crowded = surfaces >= CROWD
     if not crowded.any():
         return _nearest(screen, chunk, materials, shape, behind, "")
     if crowded.all():
-        return _farthest(screen, chunk, materials, shape, behind)
+        return _farthest(screen, front, kept, materials, shape, behind)
     limits = floats("limits", (shape[0], shape[1] + LANES))
     limits_where(behind, surfaces, np.float32(CROWD), False, limits)
     near_depth, near_ids = _nearest(screen, chunk, materials, shape, limits, "other ")
     limits_where(behind, surfaces, np.float32(CROWD), True, limits)
-    depth, ids = _farthest(screen, chunk, materials, shape, limits)
+    depth, ids = _farthest(screen, front, kept, materials, shape, limits)
     fill_in(near_depth, near_ids, depth, ids)
     return depth, ids
 
 
-def facing(screen: NDArray[np.float32], chunk: Chunk, materials: MaterialTable) -> Chunk:
-    """The triangles that a second layer needs: those of two-sided materials, and others that face the camera.
+def facing(screen: NDArray[np.float32], chunk: Chunk, materials: MaterialTable) -> NDArray[np.uint32]:
+    """(k,) uint32: the triangles of two-sided materials, and the others that face the camera.
 
-    What is seen of a closed body from behind its surface is its inside: a city's second layers lost 4 % of their bytes
-    and gained 0.2 dB. The first layer keeps such triangles: scans are open shells.
+    They are what crowds are made of, and what a crowd shows last is not the underside of the ground. Where there is no
+    crowd the inside of a body counts too: its back shows at the rims of what stands before it. Leaving it out
+    lost 1.2 dB at statues with 3 views, 2.4 with 5.
     """
     a, b, c = (screen[chunk.triangles[:, k], :2].astype(np.float64) for k in range(3))
     u, v = b - a, c - a
     kept = (u[:, 0] * v[:, 1] - v[:, 0] * u[:, 1] < 0) | (materials.double_sided[chunk.materials] > 0)
-    if kept.all():
-        return chunk
-    return replace(chunk, triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept])
+    return np.flatnonzero(kept).astype(np.uint32)
 
 
 def _nearest(
@@ -116,11 +122,12 @@ def _nearest(
 def _farthest(
     screen: NDArray[np.float32],
     chunk: Chunk,
+    names: NDArray[np.uint32],
     materials: MaterialTable,
     shape: tuple[int, int],
     behind: NDArray[np.float32],
 ) -> Samples:
-    """The farthest surface, if it is behind `behind`."""
+    """The farthest surface, if it is behind `behind`. names: (m,) uint32, what to call the triangles of `chunk`."""
     depth, ids = floats("depth", shape), scratched("ids", shape, np.dtype(np.uint32))
     negated = floats("negated", shape)
     away = screen.copy()
@@ -135,7 +142,7 @@ def _farthest(
         np.negative(behind[:, : shape[1]], out=negated)
         ids.fill(NOTHING)
         _rasterise(away, chunk, materials, _UNLIMITED, negated, ids)
-    turn_back(behind, negated, depth, ids)
+    turn_back(behind, negated, names, depth, ids)
     return depth, ids
 
 
