@@ -57,6 +57,32 @@ def crowding(screen, triangles, height, width, surfaces):  # type: ignore[no-unt
             surfaces[row, column] *= np.float32(CROWD_TILE * CROWD_TILE / (rows * columns))
 
 
+@kernel(types.int64(F32_2, U32_2, F32_2, types.float32, types.boolean, U32_1))
+def touching(screen, triangles, surfaces, crowd, crowded, names):  # type: ignore[no-untyped-def]
+    """Which triangles may touch a tile with at least `crowd` surfaces (crowded) or less (not); returns how many.
+
+    screen, triangles, surfaces: as for `crowding`. names: (m,) uint32 out, the triangles, ascending.
+    """
+    scale = np.float32(1.0 / CROWD_TILE)
+    count = 0
+    for t in range(triangles.shape[0]):
+        a = np.uintp(triangles[t, 0])
+        b = np.uintp(triangles[t, 1])
+        c = np.uintp(triangles[t, 2])
+        left = int(min(screen[a, 0], min(screen[b, 0], screen[c, 0])) * scale)
+        right = int(max(screen[a, 0], max(screen[b, 0], screen[c, 0])) * scale)
+        top = int(min(screen[a, 1], min(screen[b, 1], screen[c, 1])) * scale)
+        bottom = int(max(screen[a, 1], max(screen[b, 1], screen[c, 1])) * scale)
+        touches = False
+        for row in range(max(top, 0), min(bottom + 1, surfaces.shape[0])):
+            for column in range(max(left, 0), min(right + 1, surfaces.shape[1])):
+                touches |= (surfaces[row, column] >= crowd) == crowded
+        if touches:
+            names[count] = t
+            count += 1
+    return count
+
+
 @kernel(types.void(F32_2, F32_2, types.float32, types.boolean, F32_2))
 def limits_where(behind, surfaces, crowd, crowded, limits):  # type: ignore[no-untyped-def]
     """behind (h, at least w) where the tile has at least `crowd` surfaces (crowded) or less (not), FAR elsewhere.
@@ -91,11 +117,11 @@ def turn_back(limits, negated, names, depth, ids):  # type: ignore[no-untyped-de
             ids[y, x] = names[ids[y, x]] if found else NOTHING
 
 
-@kernel(types.void(F32_2, U32_2, F32_2, U32_2))
-def fill_in(other_depth, other_ids, depth, ids):  # type: ignore[no-untyped-def]
-    """Takes from (h, w) other_depth and other_ids where nothing is yet."""
+@kernel(types.void(F32_2, U32_2, U32_1, F32_2, U32_2))
+def fill_in(other_depth, other_ids, names, depth, ids):  # type: ignore[no-untyped-def]
+    """Takes from (h, w) other_depth and other_ids where nothing is yet. names: what other_ids are called here."""
     for y in range(depth.shape[0]):
         for x in range(depth.shape[1]):
-            if ids[y, x] == NOTHING:
+            if ids[y, x] == NOTHING and other_ids[y, x] != NOTHING:
                 depth[y, x] = other_depth[y, x]
-                ids[y, x] = other_ids[y, x]
+                ids[y, x] = names[other_ids[y, x]]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.kernels.crowding import CROWD_TILE, begin_keys, crowding, fill_in, limits_where, turn_back
+from farfield.kernels.crowding import CROWD_TILE, begin_keys, crowding, fill_in, limits_where, touching, turn_back
 from farfield.kernels.lanes import LANES
 from farfield.kernels.project import mean_area
 from farfield.kernels.rasterise import TILE, rasterise
@@ -65,9 +65,7 @@ def surface_behind(
     In scratch arrays.
     """
     kept = facing(screen, chunk, materials)
-    front = replace(
-        chunk, triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept]
-    )
+    front = _part(chunk, kept)
     surfaces = floats("surfaces", (-(-shape[0] // CROWD_TILE), -(-shape[1] // CROWD_TILE)))
     crowding(screen, front.triangles, *shape, surfaces)
     crowded = surfaces >= CROWD
@@ -77,11 +75,31 @@ def surface_behind(
         return _farthest(screen, front, kept, materials, shape, behind)
     limits = floats("limits", (shape[0], shape[1] + LANES))
     limits_where(behind, surfaces, np.float32(CROWD), False, limits)
-    near_depth, near_ids = _nearest(screen, chunk, materials, shape, limits, "other ")
+    outside = _touching(screen, chunk, surfaces, crowded=False)
+    near_depth, near_ids = _nearest(screen, _part(chunk, outside), materials, shape, limits, "other ")
     limits_where(behind, surfaces, np.float32(CROWD), True, limits)
-    depth, ids = _farthest(screen, front, kept, materials, shape, limits)
-    fill_in(near_depth, near_ids, depth, ids)
+    inside = _touching(screen, front, surfaces, crowded=True)
+    depth, ids = _farthest(screen, _part(front, inside), kept[inside], materials, shape, limits)
+    fill_in(near_depth, near_ids, outside, depth, ids)
     return depth, ids
+
+
+def _touching(
+    screen: NDArray[np.float32], chunk: Chunk, surfaces: NDArray[np.float32], crowded: bool
+) -> NDArray[np.uint32]:
+    """(k,) uint32: the triangles that may be seen in crowds, or outside."""
+    names = np.empty(len(chunk.triangles), np.uint32)
+    return names[: touching(screen, chunk.triangles, surfaces, np.float32(CROWD), crowded, names)]
+
+
+def _part(chunk: Chunk, triangles: NDArray[np.uint32]) -> Chunk:
+    """Some triangles of a chunk, in that order, with all its corners."""
+    return replace(
+        chunk,
+        triangles=chunk.triangles[triangles],
+        materials=chunk.materials[triangles],
+        objects=chunk.objects[triangles],
+    )
 
 
 def facing(screen: NDArray[np.float32], chunk: Chunk, materials: MaterialTable) -> NDArray[np.uint32]:
