@@ -84,7 +84,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 def _town(folder: Path) -> Course:
     store = DirectoryStore(folder / "town")
     bake(town(), store, BakeOptions(leaf_size=8.0, resolution=32, directions="5", workers=1))
-    return Course(store, (0.0, 0.0, 2.0), 60.0, 20.0, 2.0, 1)
+    return Course(store, (0.0, 0.0, 2.0), 60.0, 60.0, 2.0, 1)
 
 
 def _demo() -> Course:

@@ -1,6 +1,6 @@
 """How near the far field comes to the true picture: covered PSNR and FLIP of the three scenes (benchmarks/scenes.py).
 
-    python benchmarks/bench_quality.py [--work DIR] [--data DIR] [--scenes tokyo,forest,statues] [--pictures]
+    python benchmarks/bench_quality.py [--work DIR] [--data DIR] [--scenes tokyo,forest,statues] [--pictures DIR]
 
 Each scene is baked with the default options, then drawn from pictures alone and compared with its geometry at the
 cameras under benchmarks/cameras: NAME.json from r on, NAME_far.json from 4 r on ("two levels up"). Worlds and true
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -39,6 +40,8 @@ from farfield.view.truth import TruthOptions, draw_truth
 from farfield.world.world import World
 
 FOLDER = Path(__file__).parent
+WORK = FOLDER.parent / "worlds" / "quality"
+DATA = Path(os.environ.get("FARFIELD_SHARED_DATA", FOLDER.parent.parent / "shared/data"))
 SIZE = 640, 480
 LEAF_SIZE = {"tokyo": 128.0, "forest": 32.0, "statues": 4.0}
 """Metres: some 70 leaves a scene, and its side is twice the near radius of the far cameras."""
@@ -73,14 +76,22 @@ def run(quick: bool = False) -> dict[str, Any]:
     """Figures of every scene; quick: of a few statues and trees that come with the package, in small pictures."""
     if quick:
         return {"small": measure(small_case(Path(tempfile.mkdtemp(prefix="farfield-quality-"))), ((3, 2),))}
-    return figures(FOLDER.parent / "worlds" / "quality", FOLDER.parent.parent / "shared/data", list(GOALS), VARIANTS)
+    return figures(WORK, DATA, list(GOALS), VARIANTS)
 
 
-def figures(work: Path, data: Path, names: Sequence[str], variants: Sequence[tuple[int, int]]) -> dict[str, Any]:
-    """scene -> level -> variant -> figures, and whether the default variant meets the goals."""
+def figures(
+    work: Path, data: Path, names: Sequence[str], variants: Sequence[tuple[int, int]], pictures: Path | None = None
+) -> dict[str, Any]:
+    """scene -> level -> variant -> figures, and whether the default variant meets the goals.
+
+    pictures: folder for SCENE-LEVEL/VARIANT-CAMERA.png: true picture, picture and difference, side by side.
+    """
     found: dict[str, Any] = {}
     for name in names:
-        found[name] = {level: measure(case(name, level, work, data), variants) for level in LEVELS_UP}
+        found[name] = {}
+        for level in LEVELS_UP:
+            folder = None if pictures is None else pictures / f"{name}-{level}"
+            found[name][level] = measure(case(name, level, work, data), variants, folder)
     return {"scenes": found, "goals_met": {name: meets(name, levels) for name, levels in found.items()}}
 
 
@@ -184,13 +195,15 @@ def small_case(work: Path) -> Case:
 def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--work", type=Path, default=FOLDER.parent / "worlds" / "quality")
-    parser.add_argument("--data", type=Path, default=FOLDER.parent.parent / "shared/data")
+    parser.add_argument("--work", type=Path, default=WORK)
+    parser.add_argument("--data", type=Path, default=DATA)
+    parser.add_argument("--pictures", type=Path, help="where to leave pictures side by side")
     parser.add_argument("--scenes", default=",".join(GOALS))
     parser.add_argument("--variants", default=",".join(f"{v}x{n}" for v, n in VARIANTS), help="VIEWSxLAYERS,…")
     given = parser.parse_args()
     variants = [(int(v[0]), int(v[2])) for v in given.variants.split(",")]
-    print(json.dumps(figures(given.work, given.data, given.scenes.split(","), variants), indent=1))
+    found = figures(given.work, given.data, given.scenes.split(","), variants, given.pictures)
+    print(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":
