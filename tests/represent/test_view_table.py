@@ -72,6 +72,13 @@ def test_the_ground_between_towers_is_not_lost(town: dict[int, list[OrthoLayer]]
         assert TOP in views[:3]
 
 
+def test_from_the_horizon_roofs_and_ground_count(town: dict[int, list[OrthoLayer]]) -> None:
+    """Eyes of these bins are up to half a right angle above the horizon; one eye in the middle sees walls alone."""
+    table = chosen(town, parse("17"))
+    for n in (n for n, d in enumerate(PRINCIPAL) if d[2] == 0):
+        assert sum(PRINCIPAL[view][2] > 0 for view in table[n][:3]) >= 2
+
+
 def test_the_same_every_time(town: dict[int, list[OrthoLayer]]) -> None:
     assert chosen(town, parse("17")) == chosen(town, parse("17"))
 
