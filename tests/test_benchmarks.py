@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -15,12 +17,20 @@ NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}
 IN_A_BROWSER = ("page",)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.browser] * (name in IN_A_BROWSER)) for name in NAMES]
-)
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in IN_A_BROWSER])
 def test_a_benchmark_in_small(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", name, "--quick", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("name", IN_A_BROWSER)
+def test_a_benchmark_in_a_browser_in_small(name: str) -> None:
+    """In a process of its own: the browser of the other tests may be open in this one."""
+    command = [sys.executable, "-m", "farfield", "bench", name, "--quick", "--json"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert json.loads(ended.stdout)["flight"]["fetched_while_held"] == 0
 
 
 def test_they_are_listed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -138,7 +138,9 @@ def test_whoever_stops_reading_is_left_in_peace() -> None:
 
 
 def test_ctrl_c_is_one_line() -> None:
+    # A shell's background jobs, and what they start, begin with the signal ignored.
     code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import sys, time, typer; from farfield.cli import main as m, entry;\n"
         "fake = typer.Typer(); fake.command('a')(lambda: print('go', flush=True) or time.sleep(30));\n"
         "fake.command('b')(lambda: None); entry.build_app = lambda: fake\n"

@@ -29,14 +29,17 @@ def command(
 def demo_world() -> Path:
     """The folder of the bundled scene's world, baked unless it is there. Raises FarfieldError."""
     place = cache_folder() / f"demo-{_fingerprint()}"
-    if is_world(place):
-        return place
+    if not is_world(place):
+        _bake(place)
+    return place
+
+
+def _bake(place: Path) -> None:
     from farfield.bake.options import BakeOptions
     from farfield.pipeline import bake_sources
 
     with shown_progress() as progress:
         bake_sources([SCENE], place, BakeOptions(resolution=RESOLUTION), progress)
-    return place
 
 
 def _fingerprint() -> str:
