@@ -28,7 +28,7 @@ def test_opens_without_errors_and_soon_shows_a_complete_picture(address: str, vi
     page = visit(address)
     page.complete()
     stats = page.stats()
-    assert stats["first_picture_ms"] > 0
+    assert stats["first_picture_ms"] < 20_000, "5 s on a machine of our own; tests share theirs"
     assert stats["tiles_missing"] == stats["tiles_pending"] == 0
     assert stats["splats"] + stats["triangles"] > 500
     page.says("made for tests")

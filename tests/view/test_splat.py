@@ -120,7 +120,9 @@ def shown_share(coverage: int, samples: float) -> float:
 @pytest.mark.parametrize("samples", [0.3, 0.6, 0.9, 2.3, 5.4])
 def test_a_canopy_keeps_its_cover_at_any_distance(coverage: int, samples: float) -> None:
     """samples: of the frame across a pixel, so that splats are thinner than one or many wide."""
-    assert shown_share(coverage, samples) == pytest.approx(coverage / 16, abs=0.06)
+    # Pixels of nearly a sample leave a few samples of the turned grid without a middle of their own.
+    tolerance = 0.06 if samples == 0.9 else 0.03
+    assert shown_share(coverage, samples) == pytest.approx(coverage / 16, abs=tolerance)
 
 
 def test_nothing_behind_the_eye() -> None:

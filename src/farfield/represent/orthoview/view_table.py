@@ -29,7 +29,8 @@ EYE_DISTANCE = 2.0
 """Of the bin's eye from the middle of the cell, in sizes of the cell. Cells are seen from 1.1 to 2.2 sizes away."""
 EYE_SPREAD = 20.0
 """Degrees between the middle of a bin and its four other eyes. With one eye in the middle the bins on the horizon saw
-no roofs and no ground: 1.3 dB in a city from r on, 0.7 two levels up, 0.2 to 0.3 in a forest and at statues."""
+no roofs and no ground: 1.3 dB in a city from r on, 0.3 to 0.7 two levels up, 0.15 in a forest, -0.2 to 0.3 at
+statues."""
 TOLERANCE = 3.0
 """Sample spacings behind the nearest surface that still count as visible."""
 BEHIND = 0.6
