@@ -56,7 +56,7 @@ def keyed(
     behind: NDArray[np.float32],
 ) -> Buffers:
     keys = np.full((size[0], size[1] + LANES), EMPTY, dtype=np.int64)
-    rasterise_key(screen, surface, materials, behind, keys)
+    rasterise_key(screen, surface, materials, behind, AS_THEY_COME, keys)
     depth, ids = np.empty(size, dtype=np.float32), np.empty(size, dtype=np.uint32)
     unpack_keys(keys, depth, ids)
     return depth, ids

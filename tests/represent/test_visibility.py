@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from farfield.kernels.crowding import crowding, touching
 from farfield.kernels.lanes import LANES
 from farfield.kernels.surface import FAR, NOTHING
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
 from farfield.represent.orthoview import visibility
-from farfield.represent.orthoview.visibility import CROWD, facing, surface_behind
+from farfield.represent.orthoview.visibility import CROWD, surface_behind
 from farfield.scene.model import Material
 from kernels import plain_raster
 
@@ -103,12 +104,27 @@ def test_each_tile_decides_for_itself() -> None:
 
 def test_the_inside_of_bodies_is_no_crowd() -> None:
     """One-sided triangles that turn away do not count; those of two-sided materials and the facing ones do."""
-    screen = np.array([[0, 0, 5, 1], [0, 8, 5, 1], [8, 0, 5, 1], [0, 0, 6, 1], [8, 0, 6, 1], [0, 8, 6, 1]], np.float32)
-    chunk = chunk_of(6)
-    one_sided = replace(chunk, materials=np.ones(2, np.uint32))
     # On the screen y runs down: counter-clockwise as the camera sees it turns from +y to +x.
-    assert facing(screen, one_sided, TABLE).tolist() == [0]
-    assert facing(screen, chunk, TABLE).tolist() == [0, 1]
+    screen = np.array([[0, 0, 5, 1], [0, 8, 5, 1], [8, 0, 5, 1], [0, 0, 6, 1], [8, 0, 6, 1], [0, 8, 6, 1]], np.float32)
+    triangles = np.arange(6, dtype=np.uint32).reshape(2, 3)
+    share = 32 / 1024
+    for material, surfaces, seen in ((1, share, [0]), (0, 2 * share, [0, 1])):
+        materials = np.full(2, material, np.uint32)
+        counted, names = np.empty((1, 1), np.float32), np.empty(2, np.uint32)
+        crowding(screen, triangles, materials, TABLE.double_sided, 32, 32, 1, counted)
+        assert np.isclose(counted[0, 0], surfaces)
+        count = touching(screen, triangles, materials, TABLE.double_sided, counted, np.float32(0), True, names)
+        assert names[:count].tolist() == seen
+
+
+def test_a_sample_of_the_triangles_tells_crowds() -> None:
+    screen = scattered(5, 4000, 2.0)
+    triangles, materials = np.arange(len(screen), dtype=np.uint32).reshape(-1, 3), np.zeros(4000, np.uint32)
+    every, some = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
+    crowding(screen, triangles, materials, TABLE.double_sided, *SHAPE, 1, every)
+    crowding(screen, triangles, materials, TABLE.double_sided, *SHAPE, 4, some)
+    assert np.allclose(every, some, rtol=0.25)
+    assert np.isclose(every[0, :2].mean(), some[0, :2].mean(), rtol=0.1)
 
 
 def test_a_crowd_shows_no_underside() -> None:

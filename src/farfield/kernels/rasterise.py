@@ -50,12 +50,12 @@ def _hidden(farthest, nearest, x0, x1, y0, y1):  # type: ignore[no-untyped-def]
 
 @kernel(types.void(F32_2, SURFACE, MATERIALS, F32_2, U32_1, F32_2, F32_2, U32_2))
 def rasterise(screen, surface, materials, behind, order, farthest, depth, ids):  # type: ignore[no-untyped-def]
-    """Draws every triangle of `surface` into depth and ids.
+    """Draws triangles of `surface` into depth and ids.
 
     screen: (n, 4) float32 per corner: x, y in samples (multiples of 1/256; right, down), z linear on the screen
         (distance along the view for orthographic views, -1/w for perspective ones), 1/w.
     behind: (h, at least w) float32: only fragments with z > behind of their sample are drawn; (0, 0): all are.
-    order: (m,) uint32: triangles in the order in which to draw them, front to back for speed; (0,): as they come.
+    order: (m,) uint32: triangles to draw, in this order (front to back is fast); (0,): all, as they come.
     farthest: scratch for rejecting hidden triangles, (ceil(h / TILE), ceil(w / TILE)) float32; (0, 0): none is.
     depth: (h, w) float32 in and out; FAR where nothing is yet.
     ids: (h, w) uint32 in and out; triangle index, NOTHING where nothing is yet.
@@ -63,11 +63,12 @@ def rasterise(screen, surface, materials, behind, order, farthest, depth, ids): 
     limited = behind.shape[0] > 0
     ordered = order.shape[0] > 0
     rejects = farthest.shape[0] > 0
-    period = surface.triangles.shape[0] // REFRESHES + 1
     triangles = surface.triangles
+    drawn = order.shape[0] if ordered else triangles.shape[0]
+    period = drawn // REFRESHES + 1
     material_of = surface.materials
     cutoff = materials.cutoff
-    for number in range(triangles.shape[0]):
+    for number in range(drawn):
         if rejects and number % period == 0:
             _refresh(depth, farthest)
         t = np.uintp(order[number]) if ordered else np.uintp(number)

@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 from farfield.kernels.compiling import device, kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
 from farfield.kernels.lanes import LANES, draw_lanes, draw_lanes_behind
-from farfield.kernels.surface import F32_2, FAR, I64_2, MATERIALS, NOTHING, SURFACE, U32_2
+from farfield.kernels.surface import F32_2, FAR, I64_2, MATERIALS, NOTHING, SURFACE, U32_1, U32_2
 from farfield.kernels.texture import is_hole
 
 EMPTY = np.int64(0x7FFFFFFFFFFFFFFF)
@@ -59,11 +59,11 @@ def depth_of(key):  # type: ignore[no-untyped-def]
     return _float_of(np.int32(ordered ^ np.int32(np.int32(ordered >> 31) & np.int32(0x7FFFFFFF))))
 
 
-@kernel(types.void(F32_2, SURFACE, MATERIALS, F32_2, I64_2))
-def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-untyped-def]
-    """Draws every triangle of `surface` into keys.
+@kernel(types.void(F32_2, SURFACE, MATERIALS, F32_2, U32_1, I64_2))
+def rasterise_key(screen, surface, materials, behind, order, keys):  # type: ignore[no-untyped-def]
+    """Draws triangles of `surface` into keys.
 
-    screen, surface, materials: as for `rasterise`.
+    screen, surface, materials, order: as for `rasterise`.
     behind: (h, w + LANES) float32, or (0, 0): no limit.
     keys: (h, w + LANES) int64 in and out, EMPTY where nothing is yet; the spare columns hold nothing of meaning.
     """
@@ -72,8 +72,9 @@ def rasterise_key(screen, surface, materials, behind, keys):  # type: ignore[no-
     material_of = surface.materials
     cutoff = materials.cutoff
     width = keys.shape[1] - LANES
-    for number in range(triangles.shape[0]):
-        t = np.uintp(number)
+    ordered = order.shape[0] > 0
+    for number in range(order.shape[0] if ordered else triangles.shape[0]):
+        t = np.uintp(order[number]) if ordered else np.uintp(number)
         ia = np.uintp(triangles[t, 0])
         ib = np.uintp(triangles[t, 1])
         ic = np.uintp(triangles[t, 2])
