@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -27,7 +28,7 @@ OPTIONS = BakeOptions(leaf_size=8.0, resolution=32, directions="5+0.3,0.2,0.9", 
 def main() -> None:
     """Bakes the village and packs the world."""
     store = MemoryStore()
-    bake(village(), store, OPTIONS, name="golden")
+    bake(replace(village(), name="golden"), store, OPTIONS)
     with zipfile.ZipFile(TARGET, "w", zipfile.ZIP_DEFLATED) as archive:
         for key in store.list():
             archive.writestr(zipfile.ZipInfo(key, (2026, 1, 1, 0, 0, 0)), store.get(key), zipfile.ZIP_DEFLATED)

@@ -26,7 +26,7 @@ def bake_sources(
     progress = progress or NoProgress()
     store = open_store(output, create=True)
     scene = read_scene(sources)
-    result = bake(scene, store, options, progress, name=Path(sources[0]).stem)
+    result = bake(scene, store, options, progress)
     install_viewer(store)
     statistics = result.manifest.statistics
     return {

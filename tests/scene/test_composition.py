@@ -43,6 +43,13 @@ def test_matrix_credits_and_bytes(folder: Path) -> None:
     assert scene.source_bytes == len(text) + (folder / "a.glb").stat().st_size
 
 
+def test_a_scene_is_called_by_its_name_its_folder_or_its_file(folder: Path) -> None:
+    source = '[[source]]\npath = "a.glb"\n'
+    assert compose(folder, source).name == folder.name
+    assert compose(folder, f'name = "Yard"\n{source}').name == "Yard"
+    assert read_scene([folder / "a.glb", folder / "scene.toml"]).name == "a"
+
+
 def test_placements_follow_the_sources_own_transform(folder: Path) -> None:
     np.save(folder / "t.npy", np.array([[100, 0, 0, 90, 2.0], [0, 50, 0, 0, 1]], np.float32))
     scene = compose(folder, '[[source]]\npath = "a.glb"\ninstances = "t.npy"\ntranslate = [1, 0, 0]\n')

@@ -52,7 +52,6 @@ def bake(
     store: Store,
     options: BakeOptions | None = None,
     progress: Progress | None = None,
-    name: str = "",
 ) -> BakeResult:
     """Bakes `scene` into the world in `store`; what an interrupted bake of the same input had finished is kept.
 
@@ -73,7 +72,7 @@ def bake(
     roots = bake_tree(job, store, _workers(options, plan), progress)
     if not roots:
         raise InputError("nothing to bake: no triangle lies in any cell")
-    manifest = _manifest(scene, summaries, plan, options, store, roots, name)
+    manifest = _manifest(scene, summaries, plan, options, store, roots)
     store.put(KEY, encode_manifest(manifest))
     return BakeResult(manifest, time.monotonic() - begun, sum(root.rebuilt for root in roots))
 
@@ -90,14 +89,13 @@ def _manifest(
     options: BakeOptions,
     store: Store,
     roots: list[BakedCell],
-    name: str,
 ) -> Manifest:
     entries = [entry for root in roots for entry in (root.record.entry, *root.below)]
     grid = plan.grid
     return Manifest(
         generation=_generation(store) + 1,
         generator=f"farfield {__version__}",
-        name=name,
+        name=scene.name,
         crs=scene.crs,
         origin=scene.origin,
         bounds=_bounds(roots),

@@ -61,6 +61,7 @@ class GroundTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True)
 class SceneTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """The whole file."""
 
+    name: str = ""
     credits: tuple[str, ...] = ()
     crs: str | None = None
     origin: Triple | None = None
@@ -91,7 +92,8 @@ def read_composition(path: Path, options: ReadOptions) -> Scene:
     size = scene.source_bytes + path.stat().st_size
     warnings = tuple(f"left out: {error}" for error in failures) + scene.warnings
     lines = tuple(dict.fromkeys(table.credits + scene.credits))
-    return replace(scene, credits=lines, source_bytes=size, warnings=warnings, crs=scene.crs or table.crs)
+    crs = scene.crs or table.crs
+    return replace(scene, name=table.name, credits=lines, source_bytes=size, warnings=warnings, crs=crs)
 
 
 def parse_composition(path: Path) -> SceneTable:

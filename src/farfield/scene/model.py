@@ -91,6 +91,8 @@ class Scene:
 
     meshes: Sequence[MeshSource]
     instances: Instances
+    name: str = ""
+    """For people, when the source gives one."""
     crs: str | None = None
     """Coordinate reference system (an authority code such as EPSG:6677, or WKT), or None: plain local metres."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

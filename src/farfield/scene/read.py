@@ -37,8 +37,15 @@ def read_scene(sources: Sequence[Path | str], options: ReadOptions | None = None
             failures.append(error)
     if not found:
         raise failures[0] if len(failures) == 1 else _none_readable(failures)
+    name = found[0].name or _name_of(Path(sources[0]))
     scene = gather(found)
-    return replace(scene, warnings=tuple(f"left out: {error}" for error in failures) + scene.warnings)
+    return replace(scene, name=name, warnings=tuple(f"left out: {error}" for error in failures) + scene.warnings)
+
+
+def _name_of(source: Path) -> str:
+    """The file's name; of a scene.toml that of its folder."""
+    source = source.resolve()
+    return source.parent.name if source.name == "scene.toml" else source.stem
 
 
 def read_source(path: Path, options: ReadOptions) -> Scene:
