@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import msgspec
 
 from farfield import __version__
-from farfield.bake.cell import BakedCell
+from farfield.bake.cell import BakedCell, Tally
 from farfield.bake.context import BakeJob
 from farfield.bake.engine import bake_tree
-from farfield.bake.index import write_index
+from farfield.bake.index import INDEX_DEPTH
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan, make_plan
 from farfield.bake.survey import MeshCache, MeshSummary, survey
@@ -21,7 +20,6 @@ from farfield.errors import FarfieldError, InputError, MissingKeyError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
-from farfield.world.index import CellEntry
 from farfield.world.keys import content_hash
 from farfield.world.manifest import (
     KEY,
@@ -33,9 +31,6 @@ from farfield.world.manifest import (
     decode_manifest,
     encode_manifest,
 )
-
-INDEX_DEPTH = 4
-"""Levels of cells in one index tile: some 20 kB for a flat world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +69,7 @@ def bake(
         raise InputError("nothing to bake: no triangle lies in any cell")
     manifest = _manifest(scene, summaries, plan, options, store, roots)
     store.put(KEY, encode_manifest(manifest))
-    return BakeResult(manifest, time.monotonic() - begun, sum(root.rebuilt for root in roots))
+    return BakeResult(manifest, time.monotonic() - begun, sum(root.tally.rebuilt for root in roots))
 
 
 def _workers(options: BakeOptions, plan: Plan) -> int:
@@ -90,7 +85,6 @@ def _manifest(
     store: Store,
     roots: list[BakedCell],
 ) -> Manifest:
-    entries = [entry for root in roots for entry in (root.record.entry, *root.below)]
     grid = plan.grid
     return Manifest(
         generation=_generation(store) + 1,
@@ -103,9 +97,9 @@ def _manifest(
         directions=tuple(DirectionRecord(d.number, d.vector) for d in options.direction_list()),
         depth_layers=options.depth_layers,
         index_depth=INDEX_DEPTH,
-        roots=tuple(RootRecord(str(r.key), write_index(store, grid, r, INDEX_DEPTH)) for r in roots),
+        roots=tuple(RootRecord(str(r.key), r.index) for r in roots),
         credits=scene.credits,
-        statistics=_statistics(scene, summaries, entries),
+        statistics=_statistics(scene, summaries, Tally.sum(root.tally for root in roots)),
         attributes=_write_attributes(scene, store),
     )
 
@@ -124,27 +118,16 @@ def _bounds(roots: list[BakedCell]) -> tuple[tuple[float, float, float], tuple[f
     return (x0, y0, z0), (x1, y1, z1)
 
 
-def _statistics(scene: Scene, summaries: list[MeshSummary], entries: list[CellEntry]) -> Statistics:
-    listed = [tile for entry in entries for tile in entry.tiles]
+def _statistics(scene: Scene, summaries: list[MeshSummary], tally: Tally) -> Statistics:
     return Statistics(
         triangles=sum(summaries[int(mesh)].triangles for mesh in scene.instances.mesh),
         objects=scene.object_count,
-        cells=len(entries),
-        orthoviews=sum(layer == 0 for _, layer, _ in listed),
-        tiles=len(listed),
-        bytes=sum(size for _, _, size in listed) + _geometry_bytes(entries),
+        cells=tally.cells,
+        orthoviews=tally.orthoviews,
+        tiles=tally.tiles,
+        bytes=tally.bytes + sum(size for _, size in tally.meshes),
         source_bytes=scene.source_bytes,
     )
-
-
-def _geometry_bytes(entries: Iterable[CellEntry]) -> int:
-    own = 0
-    shared: dict[str, int] = {}
-    for entry in entries:
-        if entry.geometry is not None:
-            own += entry.geometry.bytes
-            shared |= dict(entry.geometry.meshes)
-    return own + sum(shared.values())
 
 
 def _write_attributes(scene: Scene, store: Store) -> str | None:

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from farfield.bake.cell import BakedCell, Record, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
+from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, merge
@@ -27,7 +28,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     source = _input_hash(context, position)
     record = read_record(context.store, key, source)
     if record is not None:
-        return BakedCell(key, record, fresh=False) if record.triangles else None
+        return _finished(context, key, record, fresh=False) if record.triangles else None
     parts = _clip(context, key, position)
     if not parts:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
@@ -49,7 +50,17 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     )
     finished = Record(source, entry, len(chunk.triangles), tiles.object_bytes)
     write_record(context.store, key, finished)
-    return BakedCell(key, finished, fresh=True, tiles=tiles.encoded, objects=tiles.objects, rebuilt=1)
+    return _finished(context, key, finished, fresh=True, tiles=tiles)
+
+
+def _finished(
+    context: BakeContext, key: CellKey, record: Record, fresh: bool, tiles: CellTiles | None = None
+) -> BakedCell:
+    cell = BakedCell(key, record, Tally.of(record.entry, fresh))
+    if tiles is not None:
+        cell.tiles, cell.objects = tiles.encoded, tiles.objects
+    close_index_tile(context.store, context.grid, cell)
+    return cell
 
 
 def _input_hash(context: BakeContext, position: int) -> str:
