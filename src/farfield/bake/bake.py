@@ -11,11 +11,12 @@ import msgspec
 from farfield import __version__
 from farfield.bake.cell import BakedCell, Tally
 from farfield.bake.context import BakeJob
+from farfield.bake.crew import crew_of
 from farfield.bake.engine import bake_tree
 from farfield.bake.index import INDEX_DEPTH
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan, make_plan
-from farfield.bake.survey import MeshCache, MeshSummary, survey
+from farfield.bake.survey import MeshSummary, survey
 from farfield.errors import FarfieldError, InputError, MissingKeyError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
@@ -56,25 +57,25 @@ def bake(
     begun = time.monotonic()
     for warning in scene.warnings:
         progress.note(warning)
-    summaries = survey(scene, MeshCache(scene), progress)
-    plan = make_plan(scene, summaries, options)
-    grid = plan.grid
-    progress.note(
-        f"leaf size {grid.leaf_size:g} m, resolution {grid.resolution} px, "
-        f"up to {len(plan.leaves):,} leaves, {grid.top_level + 1} levels"
-    )
-    job = BakeJob(scene, summaries, plan, options, options.signature(grid))
-    roots = bake_tree(job, store, _workers(options, plan), progress)
-    if not roots:
+    with crew_of(scene, store, _workers(options)) as crew:
+        summaries = survey(crew.survey(len(scene.meshes)), len(scene.meshes), progress)
+        plan = make_plan(scene, summaries, options)
+        grid = plan.grid
+        progress.note(
+            f"leaf size {grid.leaf_size:g} m, resolution {grid.resolution} px, "
+            f"up to {len(plan.leaves):,} leaves, {grid.top_level + 1} levels"
+        )
+        tree = bake_tree(BakeJob(scene, summaries, plan, options, options.signature(grid)), crew, progress)
+    if not tree.roots:
         raise InputError("nothing to bake: no triangle lies in any cell")
-    manifest = _manifest(scene, summaries, plan, options, store, roots)
+    manifest = _manifest(scene, summaries, plan, options, store, list(tree.roots))
     store.put(KEY, encode_manifest(manifest))
-    return BakeResult(manifest, time.monotonic() - begun, sum(root.tally.rebuilt for root in roots))
+    return BakeResult(manifest, time.monotonic() - begun, tree.rebuilt)
 
 
-def _workers(options: BakeOptions, plan: Plan) -> int:
+def _workers(options: BakeOptions) -> int:
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(options.workers or processors, len(plan.leaves))
+    return options.workers or processors
 
 
 def _manifest(

@@ -47,12 +47,12 @@ class LeafMaterials:
 class BakeContext:
     """One process's view of the job: caches of meshes, material tables and written files."""
 
-    def __init__(self, job: BakeJob, store: Store) -> None:
+    def __init__(self, job: BakeJob, store: Store, meshes: MeshCache) -> None:
         self.job = job
         self.store = store
         self.grid: Grid = job.plan.grid
         self.directions: tuple[Direction, ...] = job.options.direction_list()
-        self.meshes = MeshCache(job.scene)
+        self.meshes = meshes
         self.leaf_of: dict[CellKey, int] = {key: i for i, key in enumerate(job.plan.keys())}
         placements = np.bincount(job.scene.instances.mesh, minlength=len(job.scene.meshes))
         self.shared = placements > 1
