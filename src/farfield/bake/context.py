@@ -15,7 +15,7 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.write import encode_texture, mesh_glb
-from farfield.represent.materials import MaterialTable
+from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
 from farfield.store.contract import Store
 from farfield.world.keys import content_hash, mesh_key, texture_key
@@ -57,6 +57,7 @@ class BakeContext:
         placements = np.bincount(job.scene.instances.mesh, minlength=len(job.scene.meshes))
         self.shared = placements > 1
         """(meshes,) bool: placed more than once, so near geometry refers to it instead of copying it."""
+        self._mips = MipCache()
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
         self._textures: dict[int, tuple[Texture, str]] = {}
         self._mesh_files: dict[int, tuple[str, int]] = {}
@@ -69,7 +70,9 @@ class BakeContext:
             for mesh in meshes:
                 base[mesh] = len(joined)
                 joined += self.meshes.get(mesh).materials
-            self._tables[meshes] = LeafMaterials(MaterialTable.build(joined), tuple(joined), base)
+            self._tables[meshes] = LeafMaterials(
+                MaterialTable.build(joined, TexturePool(self._mips)), tuple(joined), base
+            )
             while len(self._tables) > _TABLES_KEPT:
                 self._tables.popitem(last=False)
         self._tables.move_to_end(meshes)

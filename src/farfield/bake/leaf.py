@@ -156,9 +156,8 @@ def _placed(context: BakeContext, key: CellKey, position: int, mesh: int, name: 
 
 def _bounds(context: BakeContext, key: CellKey, chunk: Chunk) -> Bounds:
     corner = context.grid.bounds(key)[0]
-    lower = corner + chunk.positions.min(0).astype(np.float64)
-    upper = corner + chunk.positions.max(0).astype(np.float64)
-    return _triple(lower), _triple(upper)
+    lower, upper = chunk.bounds.astype(np.float64)
+    return _triple(corner + lower), _triple(corner + upper)
 
 
 def _triple(v: np.ndarray) -> tuple[float, float, float]:

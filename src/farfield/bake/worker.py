@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import pickle
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,8 +91,17 @@ _begun: Path | None = None
 def begin_worker(scene: Scene, store: Store) -> None:
     """First thing in a worker process."""
     global _worker
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     _worker = Worker(scene, store)
+
+
+def _end_with_parent() -> None:
+    """Ends this process when the one that began it is gone: killed, it would leave workers waiting for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def survey_here(mesh: int) -> Surveyed:
