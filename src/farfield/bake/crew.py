@@ -18,6 +18,11 @@ from farfield.errors import WorldError
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
 
+_LOST = (
+    'give it more memory or fewer --workers, and in a script bake below `if __name__ == "__main__"`; '
+    "baking again goes on where it was"
+)
+
 
 class Crew(Protocol):
     """Does pieces of work, in any order and place; the bytes that come of it are the same."""
@@ -56,8 +61,7 @@ def crew_of(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
         try:
             yield crew
         except BrokenProcessPool:
-            hint = "give it more memory or fewer --workers; baking again goes on where it was"
-            raise WorldError("a worker process was killed", "", hint) from None
+            raise WorldError("a worker process was killed", "", _LOST) from None
         finally:
             crew.dismiss()
 
