@@ -55,7 +55,7 @@ def _parts(path: Path, layer: str | None) -> Iterator[FeatureTable]:
 
 def _rows_of_a_part(about: dict[str, Any]) -> int:
     """Features read together. Few enough for _OBJECTS; all of them, when their number is unknown (-1)."""
-    count, texts = int(about["features"]), sum(kind == "object" for kind in about["dtypes"])
+    count, texts = int(about["features"]), len([kind for kind in about["dtypes"] if kind == "object"])
     if count < 0:
         return int(np.iinfo(np.int32).max)
     rows = max(_OBJECTS // (1 + texts), 1)

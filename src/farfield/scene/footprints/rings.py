@@ -56,8 +56,10 @@ def flat_rings(shapes: NDArray[np.object_]) -> Rings:
 
 
 def _ring_sizes(polygons: NDArray[np.object_], holes: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(r,) vertices of every ring, its closing one not counted. Rings as objects are only made where there are holes:
-    3 % of Tokyo's buildings, and they cost more than the polygons."""
+    """(r,) vertices of every ring, its closing one not counted.
+
+    Rings are made as objects only where there are holes, in 0.3 % of Tokyo's buildings; for all it would take 1.8 s.
+    """
     import shapely
 
     sizes = np.repeat(shapely.get_num_coordinates(polygons), holes + 1).astype(np.int64) - 1
