@@ -143,7 +143,7 @@ def write_encoded(path: Path, wkb: NDArray[np.object_], heights: NDArray[np.floa
 
 
 def convert(source: Path, target: Path, box: Box | None) -> int:
-    """Number of buildings written. They are encoded a batch at a time: WKB takes less than a third of shapely's memory."""
+    """Number of buildings written. They are encoded a batch at a time: WKB takes a third of shapely's memory."""
     archive = open_archive(source)
     buildings = archive.inside(box)
     kind = archive.kind(buildings)
