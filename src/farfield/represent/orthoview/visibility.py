@@ -187,8 +187,8 @@ def _front_to_back(screen: NDArray[np.float32], chunk: Chunk, order: NDArray[np.
     nearest = np.minimum(np.minimum(z[triangles[:, 0]], z[triangles[:, 1]]), z[triangles[:, 2]])
     groups = np.minimum.reduceat(nearest, np.arange(0, len(nearest), GROUP)).argsort(kind="stable")
     members = (groups.astype(np.uint32)[:, None] * np.uint32(GROUP) + np.arange(GROUP, dtype=np.uint32)).ravel()
-    members = members[members < len(nearest)]
-    return order[members] if len(order) else members
+    kept: NDArray[np.uint32] = members[members < len(nearest)]
+    return order[kept] if len(order) else kept
 
 
 def floats(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
