@@ -185,9 +185,9 @@ def _front_to_back(screen: NDArray[np.float32], chunk: Chunk, order: NDArray[np.
     z = screen[:, 2]
     triangles = chunk.triangles[order] if len(order) else chunk.triangles
     nearest = np.minimum(np.minimum(z[triangles[:, 0]], z[triangles[:, 1]]), z[triangles[:, 2]])
-    groups = np.minimum.reduceat(nearest, np.arange(0, len(nearest), GROUP)).argsort(kind="stable")
-    members = (groups.astype(np.uint32)[:, None] * np.uint32(GROUP) + np.arange(GROUP, dtype=np.uint32)).ravel()
-    kept: NDArray[np.uint32] = members[members < len(nearest)]
+    groups = np.argsort(np.minimum.reduceat(nearest, np.arange(0, len(nearest), GROUP)), kind="stable")
+    members = (groups[:, None] * GROUP + np.arange(GROUP)).ravel()
+    kept = members[members < len(nearest)].astype(np.uint32)
     return order[kept] if len(order) else kept
 
 
