@@ -45,7 +45,8 @@ class BucketStore:
 
         Raises MissingExtraError: obstore is not installed. StoreError: a URL, or settings, that cannot be used.
         """
-        self._url = url.rstrip("/")
+        scheme, _, rest = url.partition("://")
+        self._url = f"{scheme}://{rest.rstrip('/')}"
         self._store = _open(self._url)
 
     def __reduce__(self) -> tuple[type[BucketStore], tuple[str]]:
@@ -156,7 +157,7 @@ def _open(url: str) -> ObjectStore:
     except ImportError:
         raise MissingExtraError("buckets need obstore", "cloud", url) from None
     scheme, _, rest = url.partition("://")
-    if not rest.strip("/") or rest.startswith("/"):
+    if not rest or rest.startswith("/"):
         raise StoreError("names no bucket", url, f"{scheme}://BUCKET/FOLDER")
     try:
         return from_url(
@@ -169,7 +170,7 @@ def _open(url: str) -> ObjectStore:
             },
             retry_config={"max_retries": RETRIES, "retry_timeout": timedelta(seconds=RETRY_SECONDS)},
         )
-    except (*_errors(), ValueError) as error:
+    except _errors() as error:
         fail(error, url, "", "cannot be opened")
 
 
@@ -177,4 +178,4 @@ def _errors() -> tuple[type[Exception], ...]:
     """What obstore raises."""
     from obstore.exceptions import BaseError
 
-    return BaseError, OSError
+    return BaseError, OSError, ValueError
