@@ -7,13 +7,13 @@ from pathlib import Path
 
 from farfield.store import MemoryStore
 from farfield.store.archive import ArchiveStore
-from farfield.store.archive.writer import writing_archive
+from farfield.store.archive.writer import DIRECTORY_KEYS, writing_archive
 
 
-def write_archive(path: Path, values: Mapping[str, bytes]) -> ArchiveStore:
+def write_archive(path: Path, values: Mapping[str, bytes], directory_keys: int = DIRECTORY_KEYS) -> ArchiveStore:
     """An archive of `values` at `path`, written in their order; what was there is replaced."""
     path.unlink(missing_ok=True)
-    with writing_archive(path) as writer:
+    with writing_archive(path, directory_keys) as writer:
         for key, data in values.items():
             writer.put(key, data)
     return ArchiveStore(path)

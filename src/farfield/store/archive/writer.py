@@ -35,9 +35,11 @@ class ArchiveWriter:
     Holds a directory entry a key in memory (some 300 bytes), never a value. Used by `writing_archive`.
     """
 
-    def __init__(self, file: BinaryIO, location: str) -> None:
+    def __init__(self, file: BinaryIO, location: str, directory_keys: int = DIRECTORY_KEYS) -> None:
+        """directory_keys: keys of a directory, unless the root would grow too large."""
         self._file = file
         self._location = location
+        self._directory_keys = directory_keys
         self._entries: dict[str, Span] = {}
         self._end = VALUES_FROM
         file.seek(VALUES_FROM)
@@ -54,7 +56,7 @@ class ArchiveWriter:
     def finish(self) -> int:
         """Write the directories and the header; returns the bytes of the whole file. Raises StoreError."""
         entries = sorted((Entry(*entry) for entry in self._entries.items()), key=lambda entry: rank(entry.key))
-        leaves = _leaves_of(entries)
+        leaves = _leaves_of(entries, self._directory_keys)
         root = encode_directory([Entry(leaf[0].key, self._append(encode_directory(leaf))) for leaf in leaves])
         fits = len(root) <= _ROOM
         span = Span(HEADER_BYTES, len(root), zlib.crc32(root)) if fits else self._append(root)
@@ -76,19 +78,23 @@ class ArchiveWriter:
             fail(error, self._location)
 
 
-def _leaves_of(entries: list[Entry]) -> list[list[Entry]]:
-    """`entries` cut into directories, few enough for the root to fit before the first value, by all likelihood."""
-    count = DIRECTORY_KEYS
+def _leaves_of(entries: list[Entry], count: int) -> list[list[Entry]]:
+    """`entries` cut into directories of `count` keys, or more, so that the root fits before the first value."""
     while True:
         leaves = [entries[start : start + count] for start in range(0, len(entries), count)]
-        # Where the directories will lie is not known yet; the places of their first values are as hard to pack.
-        if len(encode_directory([leaf[0] for leaf in leaves])) <= _ROOM * 15 // 16:
+        if len(encode_directory([_guessed(leaf[0].key) for leaf in leaves])) <= _ROOM * 15 // 16:
             return leaves
         count *= 2
 
 
+def _guessed(key: str) -> Entry:
+    """An entry of the root as hard to pack as the true one, which is not known before its directory is written."""
+    checksum = zlib.crc32(key.encode("ascii"))
+    return Entry(key, Span(VALUES_FROM, checksum & 0x3FFF, checksum))
+
+
 @contextmanager
-def writing_archive(path: str | os.PathLike[str]) -> Iterator[ArchiveWriter]:
+def writing_archive(path: str | os.PathLike[str], directory_keys: int = DIRECTORY_KEYS) -> Iterator[ArchiveWriter]:
     """A writer to the archive `path`, which is there, whole and on the medium, once the block has ended.
 
     The file grows beside it under a name of its own and is removed when the block fails.
@@ -102,7 +108,7 @@ def writing_archive(path: str | os.PathLike[str]) -> Iterator[ArchiveWriter]:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with open(incoming, "xb") as file:
-            writer = ArchiveWriter(file, str(target))
+            writer = ArchiveWriter(file, str(target), directory_keys)
             yield writer
             writer.finish()
             file.flush()

@@ -73,6 +73,7 @@ export function decodeDirectory(block: Uint8Array, total: number, where: string)
   if (columns.left > 0) throw damaged("bytes follow a directory's end", where);
   const entries: Entry[] = [];
   for (let n = 0, at = 0, key = "", end = 0; n < count; n++) {
+    if (shared[n]! > key.length) throw damaged("a key of a directory is cut short", where);
     key = key.slice(0, shared[n]) + text.slice(at, at + rest[n]!);
     at += rest[n]!;
     const offset = end + unzigzag(gaps[n]!);
