@@ -44,6 +44,7 @@ def values() -> dict[str, bytes]:
                 for direction in (4, 22):
                     tile = f"{level}/{x}/{y}/-1/{direction}/0-{digest}"
                     found[f"orthoview/{tile}"] = tile.encode() * (direction // 4)
+                    found[f"objects/{tile}"] = tile.encode()[::-1]
     found["orthoview/0/999999999/-999999999/0/1/0-00000000000000cc"] = b"far"
     found["orthoview/0/1000000000/0/0/1/0-00000000000000cc"] = b"too far for a cell"
     return found

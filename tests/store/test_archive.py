@@ -95,13 +95,18 @@ def test_a_directory_comes_back(names: list[str], chance: random.Random) -> None
 def test_what_a_picture_needs_lies_together() -> None:
     """The manifest, the index and the upper levels come first; a block of 4 x 4 cells is one stretch."""
     cells = [f"orthoview/0/{x}/{y}/0/22/0-aa" for x in range(-8, 8) for y in range(-8, 8)]
-    others = ["world.json", "index/3/0/0/0-aa", "index/9/0/0/0-aa", "orthoview/1/0/0/0/22/0-aa", "mesh/aa"]
+    cells += [f"geometry/0/{x}/{y}/0-aa" for x in range(-8, 8) for y in range(-8, 8)]
+    ids = ["objects/9/0/0/0/22/0-aa", "objects/0/0/0/0/22/0-aa"]
+    others = [*ids, "world.json", "index/3/0/0/0-aa", "index/9/0/0/0-aa", "orthoview/1/0/0/0/22/0-aa", "mesh/aa"]
     order = sorted(cells + others, key=rank)
     assert order[:4] == ["world.json", "index/9/0/0/0-aa", "index/3/0/0/0-aa", "orthoview/1/0/0/0/22/0-aa"]
-    assert order[-1] == "mesh/aa"
+    assert order[-3:] == [*ids, "mesh/aa"]
     for x in range(-8, 8, 4):
         for y in range(-8, 8, 4):
-            places = sorted(order.index(f"orthoview/0/{x + i}/{y + j}/0/22/0-aa") for i in range(4) for j in range(4))
+            block = [f"{x + i}/{y + j}/0" for i in range(4) for j in range(4)]
+            places = [order.index(f"orthoview/0/{cell}/22/0-aa") for cell in block]
+            places += [order.index(f"geometry/0/{cell}-aa") for cell in block]
+            places.sort()
             assert all(after == before + 1 for before, after in pairwise(places))
 
 

@@ -150,9 +150,12 @@ class _Copy:
 
     def _copy_cells(self, cells: list[_Cell]) -> None:
         self._progress.start(sum(len(cell.tiles) // 3 + (cell.geometry is not None) for cell in cells), "tiles")
-        for moved in self._copy(wanted for cell in cells for wanted in _values_of(cell)):
-            if not moved.key.startswith("objects/"):
-                self._progress.advance()
+        for _ in self._copy(wanted for cell in cells for wanted in _pictures_of(cell)):
+            self._progress.advance()
+        # The index does not tell which tiles have object ids: each is asked for, and may be missing.
+        self._progress.start(sum(len(cell.tiles) // 3 for cell in cells), "object ids")
+        for _ in self._copy(wanted for cell in cells for wanted in _object_ids_of(cell)):
+            self._progress.advance()
 
     def _copy_shared(self) -> None:
         """Meshes before images: they name some."""
@@ -201,16 +204,24 @@ class _Copy:
         return _Moved(key, len(value), skipped, value, tuple(textures_of(value, key)) if names_others else ())
 
 
-def _values_of(cell: _Cell) -> Iterator[_Wanted]:
-    """Keys of a cell's values, in the order of an archive."""
+def _pictures_of(cell: _Cell) -> Iterator[_Wanted]:
+    """Geometry and orthoview tiles of a cell, in the order of an archive."""
     if cell.geometry:
         name, size = cell.geometry
         yield _Wanted(keys.geometry_key(cell.key, name), size)
-    tiles = list(zip(cell.tiles[0::3], cell.tiles[1::3], cell.tiles[2::3], strict=True))
-    objects = (keys.objects_key(cell.key, direction, layer, cell.hash) for direction, layer, _ in tiles)
-    yield from (_Wanted(key, optional=True) for key in sorted(objects))
-    named = ((keys.orthoview_key(cell.key, direction, layer, cell.hash), size) for direction, layer, size in tiles)
-    yield from (_Wanted(key, size) for key, size in sorted(named))
+    for direction, layer, size in _tiles_of(cell):
+        yield _Wanted(keys.orthoview_key(cell.key, direction, layer, cell.hash), size)
+
+
+def _object_ids_of(cell: _Cell) -> Iterator[_Wanted]:
+    for direction, layer, _ in _tiles_of(cell):
+        yield _Wanted(keys.objects_key(cell.key, direction, layer, cell.hash), optional=True)
+
+
+def _tiles_of(cell: _Cell) -> list[tuple[int, int, int]]:
+    """Direction, layer and bytes of each tile, ordered as their keys are."""
+    tiles = zip(cell.tiles[0::3], cell.tiles[1::3], cell.tiles[2::3], strict=True)
+    return sorted(tiles, key=lambda tile: (str(tile[0]), str(tile[1])))
 
 
 def _in_order(pool: ThreadPoolExecutor, move: Callable[[_Wanted], _T], wanted: Iterable[_Wanted]) -> Iterator[_T]:

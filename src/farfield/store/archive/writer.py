@@ -24,7 +24,7 @@ from farfield.store.archive.order import rank
 from farfield.store.keys import check_key
 
 DIRECTORY_KEYS = 1024
-"""Keys of a directory: 10 to 15 kB packed. More where the root would not fit before the first value otherwise."""
+"""Keys of a directory: 5 to 10 kB packed. More where the root would not fit before the first value otherwise."""
 
 _ROOM = VALUES_FROM - HEADER_BYTES
 
@@ -32,7 +32,7 @@ _ROOM = VALUES_FROM - HEADER_BYTES
 class ArchiveWriter:
     """Takes values in any order and writes them as they come; best in the order of `rank`.
 
-    Holds a directory entry a key in memory (some 300 bytes), never a value. Used by `writing_archive`.
+    Holds a directory entry a key in memory (some 500 bytes), never a value. Used by `writing_archive`.
     """
 
     def __init__(self, file: BinaryIO, location: str, directory_keys: int = DIRECTORY_KEYS) -> None:

@@ -5,7 +5,7 @@ const OFFSET = 2 ** 30;
 
 /** Where a key stands in an archive (spec/archive.md, Order). */
 export interface Rank {
-  /** 0: the manifest; 1: index tiles; 2: what belongs to cells; 3: the rest. */
+  /** 0: the manifest; 1: index tiles; 2: what else belongs to cells; 3: object ids; 4: the rest. */
   readonly kind: number;
   readonly level: number;
   readonly x: number;
@@ -16,10 +16,10 @@ export interface Rank {
 
 export function rankOf(key: string): Rank {
   const found = OF_A_CELL.exec(key);
-  if (!found) return { kind: key === "world.json" ? 0 : 3, level: 0, x: 0, y: 0, z: 0, key };
+  if (!found) return { kind: key === "world.json" ? 0 : 4, level: 0, x: 0, y: 0, z: 0, key };
   const [, name, level, x, y, z] = found;
   return {
-    kind: name === "index" ? 1 : 2, level: Number(level), key,
+    kind: name === "index" ? 1 : name === "objects" ? 3 : 2, level: Number(level), key,
     x: Number(x) + OFFSET, y: Number(y) + OFFSET, z: Number(z) + OFFSET,
   };
 }
