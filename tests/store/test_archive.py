@@ -194,6 +194,37 @@ def test_what_is_no_whole_archive(tmp_path: Path, change, error: type[FarfieldEr
     assert str(path) in str(caught.value)
 
 
+def test_altered_anywhere_it_gives_what_was_stored_or_an_error(tmp_path: Path) -> None:
+    """A byte of the header, a directory or a value at a time; never anything else, whoever reads."""
+    original = (FOLDER / "cells.farfield").read_bytes()
+    path = tmp_path / "a.farfield"
+    content = values()
+    chance = random.Random(5)
+    places = [*range(HEADER_BYTES + 60), *chance.sample(range(HEADER_BYTES, len(original)), 60)]
+    found = 0
+    for place in places:
+        data = bytearray(original)
+        data[place] ^= chance.randrange(1, 256)
+        path.write_bytes(data)
+        found += _is_noticed(path, content)
+    assert found > HEADER_BYTES
+
+
+def _is_noticed(path: Path, content: dict[str, bytes]) -> bool:
+    """Whether reading everything says that something is wrong. Fails when anything wrong is read."""
+    try:
+        store = ArchiveStore(path)
+    except FarfieldError:
+        return True
+    noticed = False
+    for key, value in content.items():
+        try:
+            assert store.get(key) == value
+        except DamagedValueError:
+            noticed = True
+    return noticed
+
+
 def test_a_writer_that_fails_leaves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "below" / "a.farfield"
 
