@@ -8,8 +8,10 @@ import zipfile
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from farfield.cli import main
 from farfield.errors import (
@@ -28,6 +30,7 @@ from farfield.store.archive.order import rank
 from farfield.store.archive.writer import writing_archive
 from farfield.world import copying
 from farfield.world.copying import copy_world
+from farfield.world.index import IndexTile, decode_index, encode_index
 from farfield.world.reach import textures_of
 from farfield.world.targets import ArchiveTarget, StoreTarget
 from farfield.world.verification import verify_world
@@ -208,6 +211,17 @@ def test_what_is_missing_in_the_source_is_named(source: DirectoryStore) -> None:
 def test_a_damaged_index_is_named(source: DirectoryStore) -> None:
     key = next(iter(source.list("index")))
     source.put(key, source.get(key)[:-3])
+    with pytest.raises(CorruptTileError, match=key):
+        copy_world(source, StoreTarget(MemoryStore()))
+
+
+@pytest.mark.parametrize("changed", [{"key": "level/x/y/z"}, {"tiles": ((-4, 0, 100),)}])
+def test_an_index_that_names_what_cannot_be(source: DirectoryStore, changed: dict[str, Any]) -> None:
+    """Well packed, with a checksum that is right."""
+    root = World.open(source).manifest.roots[0]
+    key = f"index/{root.key}-{root.hash}"
+    entry = decode_index(source.get(key), key).cells[0]
+    source.put(key, encode_index(IndexTile(root.key, (replace(entry, **changed),))))
     with pytest.raises(CorruptTileError, match=key):
         copy_world(source, StoreTarget(MemoryStore()))
 

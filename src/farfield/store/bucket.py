@@ -18,8 +18,11 @@ SCHEMES = {"s3": "AWS_…", "gs": "GOOGLE_…", "az": "AZURE_…"}
 CONNECT_SECONDS = 5
 """Within which a connection must be there."""
 
-REQUEST_SECONDS = 60
-"""Within which an answer must be there, and each next part of it."""
+SILENT_SECONDS = 60
+"""Within which an answer must begin, and each next part of it come."""
+
+REQUEST_SECONDS = 600
+"""Within which all of it must be there: 64 MB at 1 Mbit/s."""
 
 RETRIES = 3
 RETRY_SECONDS = 20
@@ -166,6 +169,7 @@ def _open(url: str) -> ObjectStore:
             client_options={
                 "allow_http": True,
                 "connect_timeout": timedelta(seconds=CONNECT_SECONDS),
+                "read_timeout": timedelta(seconds=SILENT_SECONDS),
                 "timeout": timedelta(seconds=REQUEST_SECONDS),
             },
             retry_config={"max_retries": RETRIES, "retry_timeout": timedelta(seconds=RETRY_SECONDS)},

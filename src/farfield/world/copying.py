@@ -9,7 +9,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
-from farfield.errors import MissingKeyError
+from farfield.errors import CorruptTileError, MissingKeyError, OptionError
 from farfield.octree.grid import CellKey
 from farfield.progress import NoProgress, Progress
 from farfield.store.archive.order import rank
@@ -70,7 +70,7 @@ class _Moved(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """What has to be remembered of a cell until its turn: some 100 bytes and 12 a tile."""
+    """What has to be remembered of a cell until its turn: some 200 bytes and 24 a tile."""
 
     key: CellKey
     hash: str
@@ -111,13 +111,15 @@ class _Copy:
         self._pool = ThreadPoolExecutor(requests)
 
     def run(self) -> Copied:
-        with self._pool:
+        try:
             if self._target.manifest_first:
                 self._put_manifest()
             self._copy_cells(sorted(self._copy_index(), key=lambda cell: rank(keys.geometry_key(cell.key, ""))))
             self._copy_shared()
             if not self._target.manifest_first:
                 self._put_manifest()
+        finally:
+            self._pool.shutdown(cancel_futures=True)
         return Copied(self._keys, self._bytes, self._skipped)
 
     def _put_manifest(self) -> None:
@@ -135,9 +137,13 @@ class _Copy:
             wanted = sorted((_Wanted(keys.index_key(*root)) for root in pending), key=lambda one: rank(one.key))
             pending = []
             for moved in self._copy(wanted):
-                below, entries = parted(decode_index(moved.value, moved.key))
+                try:
+                    below, entries = parted(decode_index(moved.value, moved.key))
+                    cells += map(self._remembered, entries)
+                except (OptionError, OverflowError) as error:
+                    what = f"the index tile names what cannot be: {error}"
+                    raise CorruptTileError(what, moved.key, "run farfield verify") from None
                 pending += below
-                cells += map(self._remembered, entries)
                 self._progress.advance()
         return cells
 

@@ -72,12 +72,10 @@ class ArchiveStore:
         return self._checked(self._span(key), self._where(key))
 
     def get_range(self, key: str, start: int, length: int) -> bytes:
-        """See `Store.get_range`. Only a range that is the whole value is checked against its checksum."""
+        """See `Store.get_range`. Nothing is checked: a checksum is that of a whole value."""
         if start < 0 or length < 0:
             raise OptionError("a byte range cannot be negative", key)
         span = self._span(key)
-        if start == 0 and length >= span.length:
-            return self._checked(span, self._where(key))
         return self._read(span.offset + start, max(0, min(length, span.length - start)))
 
     def put(self, key: str, data: bytes) -> Never:
