@@ -47,6 +47,9 @@ class MissingExtraError(InputError):
         self.extra = extra
         super().__init__(what, where, f"pip install 'farfield[{extra}]'")
 
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str, str]]:
+        return MissingExtraError, (self.what, self.extra, self.where)
+
 
 class OptionError(FarfieldError):
     """An option has a value that cannot be used."""

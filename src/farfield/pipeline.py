@@ -78,8 +78,9 @@ def _copy_to(world: Store, target: Place, progress: Progress) -> Copied:
         with writing_archive(target) as writer:
             return copy_world(world, ArchiveTarget(writer), progress)
     store = open_store(target, create=True)
-    copied = copy_world(world, StoreTarget(store), progress)
-    install_viewer(store)
+    with store.writing():
+        copied = copy_world(world, StoreTarget(store), progress)
+        install_viewer(store)
     return copied
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from farfield.scene.cleaning import RawSurface, assemble, clean, merge
 from farfield.scene.model import Material, Mesh
 from farfield.scene.procedural.blobs import blob, cube_sphere
+from farfield.scene.shading import face_vectors, unit
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
 CUBE_FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -19,6 +20,28 @@ CUBE_FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0
 def facing(mesh: Mesh) -> np.ndarray:
     a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
+
+
+@pytest.mark.parametrize("height", [0.01, 0.5, 3.0])
+def test_a_flat_box_keeps_its_edges(height: float) -> None:
+    """By area its top outweighs its sides at every corner."""
+    mesh = assemble(RawSurface(CUBE * [1, 1, height], CUBE_FACES), "box")
+    facets = unit(face_vectors(mesh.positions, mesh.triangles))
+    for corner in range(3):
+        np.testing.assert_allclose(mesh.normals[mesh.triangles[:, corner]], facets, atol=0.02)
+    assert len(mesh.positions) == 24, "four corners a side and no more"
+
+
+def test_a_tent_is_smooth_along_and_sharp_across() -> None:
+    """A folded strip: flat at its ridge of 60 degrees, smooth where it bends by 20."""
+    profile = np.array([[-2, 0], [-1, 1.2], [0, 1.6], [1, 1.2], [1.2, 0.0]])
+    points = np.array([[x, y, z] for y in (0.0, 5.0) for x, z in profile])
+    faces = np.array([t for i in range(4) for t in ((i, i + 1, i + 6), (i, i + 6, i + 5))], np.uint32)
+    mesh = assemble(RawSurface(points, faces[:, [0, 2, 1]]), "tent")
+    normals = {tuple(np.round(n, 6)) for p, n in zip(mesh.positions, mesh.normals, strict=True) if p[0] == 0}
+    assert len(normals) == 2, "21.8 degrees on either side of the ridge are 43.6 apart: sharp"
+    at_one = {tuple(np.round(n, 6)) for p, n in zip(mesh.positions, mesh.normals, strict=True) if p[0] == -1}
+    assert len(at_one) == 1, "28.4 degrees: smooth"
 
 
 def test_a_cube_keeps_its_edges() -> None:

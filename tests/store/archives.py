@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from farfield.store import MemoryStore
@@ -38,6 +39,9 @@ class ArchiveOnDemand:
     def delete(self, key: str) -> None:
         self._values.delete(key)
         self._archive = None
+
+    def writing(self) -> AbstractContextManager[None]:
+        return self._values.writing()
 
     def get(self, key: str) -> bytes:
         return self._read().get(key)

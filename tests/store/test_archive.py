@@ -131,7 +131,7 @@ def test_values_that_come_in_any_order_are_found(tmp_path: Path) -> None:
 
 def test_an_archive_cannot_be_changed(tmp_path: Path) -> None:
     store = write_archive(tmp_path / "a.farfield", {"world.json": b"{}"})
-    for act in (lambda: store.put("a", b""), lambda: store.delete("world.json")):
+    for act in (lambda: store.put("a", b""), lambda: store.delete("world.json"), store.writing):
         with pytest.raises(StoreError, match="written by farfield copy"):
             act()
 

@@ -209,3 +209,14 @@ def test_writers_and_removers_of_one_folder_do_not_disturb_each_other(store: Sto
         worker.join()
     assert not failures
     assert list(store.list()) == ["a/b/x", "a/b/y", "a/b/z"]
+
+
+def test_one_writer_at_a_time(store: Store) -> None:
+    _needs(store, BucketStore)
+    with store.writing():
+        store.put("a", b"1")
+        with pytest.raises(StoreError, match="another process is writing"), store.writing():
+            pass
+    with store.writing():
+        store.put("a", b"2")
+    assert store.get("a") == b"2"

@@ -21,6 +21,7 @@ from farfield.errors import (
     MissingKeyError,
     NotAWorldError,
     OptionError,
+    StoreError,
 )
 from farfield.pipeline import copy_place
 from farfield.serve import viewer_files
@@ -312,6 +313,11 @@ def test_one_damaged_value_of_an_archive_is_one_fault(folder: Path, tmp_path: Pa
     with pytest.raises(DamagedValueError):
         copy_place(path, tmp_path / "copy")
     assert issubclass(DamagedValueError, CorruptTileError), "so that a renderer lets a parent stand in"
+
+
+def test_two_do_not_write_one_folder(folder: Path, tmp_path: Path) -> None:
+    with DirectoryStore(tmp_path / "copy").writing(), pytest.raises(StoreError, match="another process is writing"):
+        copy_place(folder, tmp_path / "copy")
 
 
 def test_an_archive_is_no_place_to_bake(tmp_path: Path) -> None:

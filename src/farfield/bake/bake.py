@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import msgspec
+import numpy as np
 
 from farfield import __version__
-from farfield.bake.cell import BakedCell
+from farfield.bake.cell import BakedCell, Tally
 from farfield.bake.context import BakeJob
-from farfield.bake.engine import bake_tree
-from farfield.bake.index import write_index
+from farfield.bake.crew import crew_of
+from farfield.bake.engine import Tree, bake_tree
+from farfield.bake.index import INDEX_DEPTH
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan, make_plan
-from farfield.bake.survey import MeshCache, MeshSummary, survey
-from farfield.errors import FarfieldError, InputError, MissingKeyError
+from farfield.bake.survey import MeshSummary, survey
+from farfield.errors import FarfieldError, InputError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
-from farfield.world.index import CellEntry
 from farfield.world.keys import content_hash
 from farfield.world.manifest import (
     KEY,
@@ -33,9 +34,6 @@ from farfield.world.manifest import (
     decode_manifest,
     encode_manifest,
 )
-
-INDEX_DEPTH = 4
-"""Levels of cells in one index tile: some 20 kB for a flat world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,96 +53,92 @@ def bake(
 ) -> BakeResult:
     """Bakes `scene` into the world in `store`; what an interrupted bake of the same input had finished is kept.
 
-    Raises InputError when nothing in the scene can be baked, StoreError when the store fails.
+    Raises InputError when nothing in the scene can be baked, StoreError when the store fails or another bake is
+    writing to it.
     """
     options, progress = options or BakeOptions(), progress or NoProgress()
     begun = time.monotonic()
     for warning in scene.warnings:
         progress.note(warning)
-    summaries = survey(scene, MeshCache(scene), progress)
-    plan = make_plan(scene, summaries, options)
+    with store.writing():
+        with crew_of(scene, store, _workers(options)) as crew:
+            summaries = survey(crew.survey(len(scene.meshes)), len(scene.meshes), progress)
+            plan = make_plan(scene, summaries, options)
+            progress.note(_choices(plan))
+            job = BakeJob(scene, summaries, plan, options, options.signature(plan.grid))
+            tree = bake_tree(job, crew, progress)
+        if not tree.roots:
+            raise InputError("nothing to bake: no triangle lies in any cell")
+        manifest = _write_manifest(store, _manifest(job, store, tree))
+    return BakeResult(manifest, time.monotonic() - begun, tree.rebuilt)
+
+
+def _choices(plan: Plan) -> str:
     grid = plan.grid
-    progress.note(
+    return (
         f"leaf size {grid.leaf_size:g} m, resolution {grid.resolution} px, "
         f"up to {len(plan.leaves):,} leaves, {grid.top_level + 1} levels"
     )
-    job = BakeJob(scene, summaries, plan, options, options.signature(grid))
-    roots = bake_tree(job, store, _workers(options, plan), progress)
-    if not roots:
-        raise InputError("nothing to bake: no triangle lies in any cell")
-    manifest = _manifest(scene, summaries, plan, options, store, roots)
-    store.put(KEY, encode_manifest(manifest))
-    return BakeResult(manifest, time.monotonic() - begun, sum(root.rebuilt for root in roots))
 
 
-def _workers(options: BakeOptions, plan: Plan) -> int:
+def _workers(options: BakeOptions) -> int:
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(options.workers or processors, len(plan.leaves))
+    return options.workers or processors
 
 
-def _manifest(
-    scene: Scene,
-    summaries: list[MeshSummary],
-    plan: Plan,
-    options: BakeOptions,
-    store: Store,
-    roots: list[BakedCell],
-) -> Manifest:
-    entries = [entry for root in roots for entry in (root.record.entry, *root.below)]
-    grid = plan.grid
+def _manifest(job: BakeJob, store: Store, tree: Tree) -> Manifest:
+    scene, grid = job.scene, job.plan.grid
     return Manifest(
-        generation=_generation(store) + 1,
+        generation=1,
         generator=f"farfield {__version__}",
         name=scene.name,
         crs=scene.crs,
         origin=scene.origin,
-        bounds=_bounds(roots),
+        bounds=_bounds(tree.roots),
         grid=GridRecord(grid.leaf_size, grid.resolution, grid.corner, grid.axis_levels),
-        directions=tuple(DirectionRecord(d.number, d.vector) for d in options.direction_list()),
-        depth_layers=options.depth_layers,
+        directions=tuple(DirectionRecord(d.number, d.vector) for d in job.options.direction_list()),
+        depth_layers=job.options.depth_layers,
         index_depth=INDEX_DEPTH,
-        roots=tuple(RootRecord(str(r.key), write_index(store, grid, r, INDEX_DEPTH)) for r in roots),
+        roots=tuple(RootRecord(str(root.key), root.index) for root in tree.roots),
         credits=scene.credits,
-        statistics=_statistics(scene, summaries, entries),
+        statistics=_statistics(scene, job.summaries, Tally.sum(root.tally for root in tree.roots)),
         attributes=_write_attributes(scene, store),
     )
 
 
-def _generation(store: Store) -> int:
+def _write_manifest(store: Store, manifest: Manifest) -> Manifest:
+    """Makes it the world's; a generation is counted only when it differs from the one before."""
     try:
-        return decode_manifest(store.get(KEY), store.location).generation
-    except (MissingKeyError, FarfieldError):
-        return 0
+        before = decode_manifest(store.get(KEY), store.location)
+    except FarfieldError:
+        before = None
+    if before is not None:
+        same = msgspec.structs.replace(manifest, generation=before.generation)
+        if same == before:
+            return before
+        manifest = msgspec.structs.replace(manifest, generation=before.generation + 1)
+    store.put(KEY, encode_manifest(manifest))
+    return manifest
 
 
-def _bounds(roots: list[BakedCell]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+def _bounds(roots: Sequence[BakedCell]) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     boxes = [root.record.entry.bounds for root in roots]
     x0, y0, z0 = (min(b[0][a] for b in boxes) for a in range(3))
     x1, y1, z1 = (max(b[1][a] for b in boxes) for a in range(3))
     return (x0, y0, z0), (x1, y1, z1)
 
 
-def _statistics(scene: Scene, summaries: list[MeshSummary], entries: list[CellEntry]) -> Statistics:
-    listed = [tile for entry in entries for tile in entry.tiles]
+def _statistics(scene: Scene, summaries: list[MeshSummary], tally: Tally) -> Statistics:
+    counts = np.array([summary.triangles for summary in summaries], dtype=np.int64)
     return Statistics(
-        triangles=sum(summaries[int(mesh)].triangles for mesh in scene.instances.mesh),
+        triangles=int((counts * np.bincount(scene.instances.mesh, minlength=len(counts))).sum()),
         objects=scene.object_count,
-        cells=len(entries),
-        orthoviews=sum(layer == 0 for _, layer, _ in listed),
-        tiles=len(listed),
-        bytes=sum(size for _, _, size in listed) + _geometry_bytes(entries),
+        cells=tally.cells,
+        orthoviews=tally.orthoviews,
+        tiles=tally.tiles,
+        bytes=tally.bytes + sum(size for _, size in tally.meshes),
         source_bytes=scene.source_bytes,
     )
-
-
-def _geometry_bytes(entries: Iterable[CellEntry]) -> int:
-    own = 0
-    shared: dict[str, int] = {}
-    for entry in entries:
-        if entry.geometry is not None:
-            own += entry.geometry.bytes
-            shared |= dict(entry.geometry.meshes)
-    return own + sum(shared.values())
 
 
 def _write_attributes(scene: Scene, store: Store) -> str | None:

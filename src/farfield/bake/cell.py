@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import msgspec
 
@@ -28,22 +29,68 @@ class Record(msgspec.Struct, frozen=True):
     """Bytes of its object id tiles."""
 
 
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """What a cell and all below it hold, counted on the way up so that nobody has to keep their entries."""
+
+    cells: int = 0
+    orthoviews: int = 0
+    tiles: int = 0
+    bytes: int = 0
+    """Of tiles and near geometry, without the meshes that leaves share."""
+    meshes: tuple[tuple[str, int], ...] = ()
+    """Hash and bytes of each shared mesh, ascending."""
+    rebuilt: int = 0
+    """Cells baked afresh."""
+
+    @classmethod
+    def of(cls, entry: CellEntry, fresh: bool) -> Tally:
+        """Of one cell."""
+        geometry = entry.geometry
+        return cls(
+            cells=1,
+            orthoviews=sum(layer == 0 for _, layer, _ in entry.tiles),
+            tiles=len(entry.tiles),
+            bytes=sum(size for _, _, size in entry.tiles) + (geometry.bytes if geometry else 0),
+            meshes=tuple(sorted(geometry.meshes)) if geometry else (),
+            rebuilt=int(fresh),
+        )
+
+    @classmethod
+    def sum(cls, tallies: Iterable[Tally]) -> Tally:
+        """Of several; a mesh that they share counts once."""
+        listed = list(tallies)
+        return cls(
+            cells=sum(t.cells for t in listed),
+            orthoviews=sum(t.orthoviews for t in listed),
+            tiles=sum(t.tiles for t in listed),
+            bytes=sum(t.bytes for t in listed),
+            meshes=tuple(sorted({mesh for t in listed for mesh in t.meshes})),
+            rebuilt=sum(t.rebuilt for t in listed),
+        )
+
+
 @dataclass(slots=True)
 class BakedCell:
     """A finished cell: its record, and its tiles as long as its parent may need them."""
 
     key: CellKey
     record: Record
-    fresh: bool
-    """False when an earlier bake had already made it."""
+    tally: Tally
+    index: str = ""
+    """Hash of the index tile that it is the top of; empty: it is listed in the tile of a cell above."""
+    listed: tuple[CellEntry, ...] = ()
+    """Entries of the cells below it that are to be listed in the same index tile as itself."""
     tiles: Tiles | None = None
     """None: read them from the store when needed."""
     objects: Tiles | None = None
     """Object id tiles of the first layers, likewise."""
-    below: list[CellEntry] = field(default_factory=list)
-    """Entries of all cells below, for the index."""
-    rebuilt: int = 0
-    """Cells baked afresh, at and below."""
+
+    @property
+    def entries(self) -> tuple[CellEntry, ...]:
+        """Its entry and those below it, as an index tile lists them."""
+        entry = self.record.entry
+        return (msgspec.structs.replace(entry, index=self.index) if self.index else entry, *self.listed)
 
     def tiles_from(self, store: Store) -> Tiles:
         """The encoded tiles, read back only when an earlier bake made them."""

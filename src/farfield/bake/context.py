@@ -15,7 +15,7 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.write import encode_texture, mesh_glb
-from farfield.represent.materials import MaterialTable
+from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
 from farfield.store.contract import Store
 from farfield.world.keys import content_hash, mesh_key, texture_key
@@ -47,16 +47,17 @@ class LeafMaterials:
 class BakeContext:
     """One process's view of the job: caches of meshes, material tables and written files."""
 
-    def __init__(self, job: BakeJob, store: Store) -> None:
+    def __init__(self, job: BakeJob, store: Store, meshes: MeshCache) -> None:
         self.job = job
         self.store = store
         self.grid: Grid = job.plan.grid
         self.directions: tuple[Direction, ...] = job.options.direction_list()
-        self.meshes = MeshCache(job.scene)
+        self.meshes = meshes
         self.leaf_of: dict[CellKey, int] = {key: i for i, key in enumerate(job.plan.keys())}
         placements = np.bincount(job.scene.instances.mesh, minlength=len(job.scene.meshes))
         self.shared = placements > 1
         """(meshes,) bool: placed more than once, so near geometry refers to it instead of copying it."""
+        self._mips = MipCache()
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
         self._textures: dict[int, tuple[Texture, str]] = {}
         self._mesh_files: dict[int, tuple[str, int]] = {}
@@ -69,7 +70,9 @@ class BakeContext:
             for mesh in meshes:
                 base[mesh] = len(joined)
                 joined += self.meshes.get(mesh).materials
-            self._tables[meshes] = LeafMaterials(MaterialTable.build(joined), tuple(joined), base)
+            self._tables[meshes] = LeafMaterials(
+                MaterialTable.build(joined, TexturePool(self._mips)), tuple(joined), base
+            )
             while len(self._tables) > _TABLES_KEPT:
                 self._tables.popitem(last=False)
         self._tables.move_to_end(meshes)

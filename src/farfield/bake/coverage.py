@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from farfield.bake.context import BakeContext, BakeJob, LeafMaterials
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import make_plan
-from farfield.bake.survey import MeshCache, survey
+from farfield.bake.survey import MeshCache, survey, survey_mesh
 from farfield.errors import InputError
 from farfield.geometry.directions import PRESETS, Direction, parse, principal
 from farfield.kernels.coverage import mark_seen, sample_layer
@@ -84,10 +84,12 @@ def _named_sets(options: CoverageOptions) -> dict[str, tuple[Direction, ...]]:
 
 
 def _context(scene: Scene, options: CoverageOptions, progress: Progress) -> BakeContext:
-    summaries = survey(scene, MeshCache(scene), progress)
+    meshes = MeshCache(scene)
+    found = (survey_mesh(meshes, index, source) for index, source in enumerate(scene.meshes))
+    summaries = survey(found, len(scene.meshes), progress)
     bake = BakeOptions(leaf_size=options.leaf_size, resolution=options.resolution, geometry=False)
     plan = make_plan(scene, summaries, bake)
-    return BakeContext(BakeJob(scene, summaries, plan, bake, bake.signature(plan.grid)), MemoryStore())
+    return BakeContext(BakeJob(scene, summaries, plan, bake, bake.signature(plan.grid)), MemoryStore(), meshes)
 
 
 def _evenly(keys: Sequence[CellKey], most: int) -> list[CellKey]:

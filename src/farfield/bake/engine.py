@@ -1,29 +1,54 @@
-"""Running a bake: subtrees go to worker processes, the levels above them are assembled here (OV 4.1).
+"""Running a bake: subtrees go to the crew, then the cells above them as their children are finished (OV 4.1).
 
-The bytes do not depend on the number of workers: every cell is made from its own input alone.
+The bytes do not depend on who does what: every cell is made from its own input alone. Tiles stay with the store;
+what comes back here of a subtree is its entry and its counts.
 """
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 
 from farfield.bake.cell import BakedCell
-from farfield.bake.context import BakeContext, BakeJob
-from farfield.bake.walk import Children, bake_parent, bake_subtree
-from farfield.errors import FarfieldError, WorldError
+from farfield.bake.context import BakeJob
+from farfield.bake.crew import Crew
+from farfield.bake.estimate import Estimate, estimate, sample_of
+from farfield.bake.walk import Children
+from farfield.bake.worker import Branch
 from farfield.octree.grid import CellKey, Grid
 from farfield.progress import Progress
-from farfield.store.contract import Store
 
-TASKS_PER_WORKER = 16
-"""Subtrees are made small enough that each worker gets about this many, so that the last ones end together."""
+BRANCHES = 48
+"""Subtrees for each of the crew, about: so many that the last ones end together and progress is told often."""
 
 
-_Task = Future[tuple[BakedCell | None, int]]
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """What a bake of the whole tree came to."""
+
+    roots: tuple[BakedCell, ...]
+    """Those that hold something, ascending."""
+    rebuilt: int
+    """Cells baked afresh."""
+
+
+def bake_tree(job: BakeJob, crew: Crew, progress: Progress) -> Tree:
+    """Bakes every cell of a job."""
+    grid, leaves = job.plan.grid, job.plan.keys()
+    roots, children = tree_of(grid, leaves)
+    crew.begin(job)
+    sampled = _begin_with_sample(job, crew, children, progress)
+    progress.start(len(leaves), "leaf cells baked")
+    for task in _subtrees(roots, children, BRANCHES * crew.size):
+        crew.give(Branch(task, _below(task, children)))
+    finished: dict[CellKey, BakedCell | None] = {}
+    for outcome in crew.done():
+        finished[outcome.key] = outcome.cell
+        progress.advance(outcome.leaves)
+        if outcome.key.level < grid.top_level:
+            _give_parent(crew, grid.parent(outcome.key), children, finished)
+    progress.finish()
+    baked = tuple(cell for root in roots if (cell := finished[root]) is not None)
+    return Tree(baked, sampled + sum(cell.tally.rebuilt for cell in baked))
 
 
 def tree_of(grid: Grid, leaves: list[CellKey]) -> tuple[list[CellKey], Children]:
@@ -39,54 +64,37 @@ def tree_of(grid: Grid, leaves: list[CellKey]) -> tuple[list[CellKey], Children]
     return level, {key: tuple(sorted(below)) for key, below in children.items()}
 
 
-def bake_tree(job: BakeJob, store: Store, workers: int, progress: Progress) -> list[BakedCell]:
-    """Bakes every cell; returns the roots that hold something, with the entries of all cells below them."""
-    leaves = job.plan.keys()
-    roots, children = tree_of(job.plan.grid, leaves)
-    progress.start(len(leaves), "leaf cells baked")
-    if workers <= 1:
-        context = BakeContext(job, store)
-        cells = [bake_subtree(context, root, children, progress.advance) for root in roots]
-    else:
-        cells = _bake_parallel(job, store, workers, roots, children, progress)
+def _begin_with_sample(job: BakeJob, crew: Crew, children: Children, progress: Progress) -> int:
+    """Bakes a few leaves and says what they let expect; how many were baked afresh. They are found finished later."""
+    plan = job.plan
+    sample, leaves = sample_of(plan), plan.keys()
+    progress.start(len(sample) or None, "leaf cells baked to estimate the rest")
+    for position in sample:
+        crew.give(Branch(leaves[position], {}))
+    outcomes = []
+    for outcome in crew.done():
+        outcomes.append(outcome)
+        progress.advance()
     progress.finish()
-    return [cell for cell in cells if cell is not None]
+    expected = estimate(plan, len(children), outcomes, crew.size)
+    if expected is not None:
+        progress.note(_in_words(expected))
+    return sum(outcome.cell.tally.rebuilt for outcome in outcomes if outcome.cell is not None)
 
 
-def _bake_parallel(
-    job: BakeJob, store: Store, workers: int, roots: list[CellKey], children: Children, progress: Progress
-) -> list[BakedCell | None]:
-    tasks = _tasks(roots, children, workers)
-    context = BakeContext(job, store)
-    finished: dict[CellKey, BakedCell | None] = {}
-    spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, spawn, initializer=_begin_worker, initargs=(job, store))
-    try:
-        futures = {pool.submit(_work, task, _below(task, children)): task for task in tasks}
-        for future in _as_completed(futures):
-            task = futures[future]
-            finished[task], leaves = future.result()
-            progress.advance(leaves)
-            _assemble(context, task, children, finished)
-    except BrokenProcessPool:
-        hint = "give it more memory or fewer --workers; baking again goes on where it was"
-        raise WorldError("a worker process was killed", "", hint) from None
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-    return [finished[root] for root in roots]
+def _in_words(expected: Estimate) -> str:
+    minutes = expected.seconds / 60
+    time = f"{minutes:,.0f} minutes" if minutes >= 2 else f"{expected.seconds:.0f} s"
+    return (
+        f"to expect: about {expected.cells:,} cells, {expected.tiles:,} tiles, {expected.bytes / 1e6:,.0f} MB "
+        f"without shared meshes, {time}"
+    )
 
 
-def _as_completed(futures: dict[_Task, CellKey]) -> Iterator[_Task]:
-    pending = set(futures)
-    while pending:
-        done, pending = wait(pending, return_when=FIRST_COMPLETED)
-        yield from sorted(done, key=lambda f: futures[f])
-
-
-def _tasks(roots: list[CellKey], children: Children, workers: int) -> list[CellKey]:
-    """Subtree roots of one level: the highest that gives every worker enough of them."""
+def _subtrees(roots: list[CellKey], children: Children, wanted: int) -> list[CellKey]:
+    """Subtree roots of one level: the highest that gives `wanted` of them."""
     tasks = roots
-    while len(tasks) < workers * TASKS_PER_WORKER and any(children.get(t) for t in tasks):
+    while len(tasks) < wanted and any(children.get(task) for task in tasks):
         tasks = [child for task in tasks for child in children.get(task, (task,))]
     return tasks
 
@@ -103,42 +111,12 @@ def _below(task: CellKey, children: Children) -> Children:
     return part
 
 
-def _assemble(
-    context: BakeContext, key: CellKey, children: Children, finished: dict[CellKey, BakedCell | None]
-) -> None:
-    """Composites the ancestors of `key` whose children are all there."""
-    grid = context.grid
-    while key.level < grid.top_level:
-        key = grid.parent(key)
-        below = children[key]
-        if any(child not in finished for child in below):
-            return
-        cells = [cell for child in below if (cell := finished.pop(child)) is not None]
-        finished[key] = bake_parent(context, key, cells)
+def _give_parent(crew: Crew, key: CellKey, children: Children, finished: dict[CellKey, BakedCell | None]) -> None:
+    """Gives the crew a cell once its children are all finished."""
+    if any(child not in finished for child in children[key]):
+        return
+    below = tuple(cell for child in children[key] if (cell := finished.pop(child)) is not None)
+    crew.give(Branch(key, {}, below))
 
 
-_context: BakeContext | None = None
-
-
-def _begin_worker(job: BakeJob, store: Store) -> None:
-    global _context
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    _context = BakeContext(job, store)
-
-
-def _work(task: CellKey, children: Children) -> tuple[BakedCell | None, int]:
-    """Bakes one subtree in a worker; the number of leaves it had comes with it."""
-    assert _context is not None
-    leaves = 0
-
-    def count() -> None:
-        nonlocal leaves
-        leaves += 1
-
-    try:
-        return bake_subtree(_context, task, children, count), leaves
-    except FarfieldError as error:
-        raise type(error)(error.what, error.where, error.hint) from None
-
-
-__all__ = ["bake_tree", "tree_of"]
+__all__ = ["Tree", "bake_tree", "tree_of"]

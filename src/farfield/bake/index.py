@@ -1,34 +1,24 @@
-"""Writing the index tiles of a finished tree, lowest first, so that each can name those below it."""
+"""Writing the index on the way up: a tile as soon as all its cells are known, so that none has to be kept (OV-6)."""
 
 from __future__ import annotations
 
-import msgspec
-
 from farfield.bake.cell import BakedCell
-from farfield.octree.grid import CellKey, Grid
+from farfield.octree.grid import Grid
 from farfield.store.contract import Store
-from farfield.world.index import CellEntry, IndexTile, encode_index
+from farfield.world.index import IndexTile, encode_index
 from farfield.world.keys import content_hash, index_key
 
-
-def write_index(store: Store, grid: Grid, root: BakedCell, depth: int) -> str:
-    """Writes all index tiles below a root; returns the hash of the topmost."""
-    entries = {entry.cell: entry for entry in (root.record.entry, *root.below)}
-    return _write(store, grid, entries, root.key, depth)
+INDEX_DEPTH = 4
+"""Levels of cells in one index tile: some 20 kB for a flat world. The lowest are the tops of the tiles below."""
 
 
-def _write(store: Store, grid: Grid, entries: dict[CellKey, CellEntry], top: CellKey, depth: int) -> str:
-    cells: list[CellEntry] = []
-    pending = [top]
-    while pending:
-        key = pending.pop()
-        entry = entries[key]
-        if key.level == top.level - depth + 1 and entry.children:
-            cells.append(msgspec.structs.replace(entry, index=_write(store, grid, entries, key, depth)))
-            continue
-        cells.append(entry)
-        pending.extend(CellKey.parse(child) for child in reversed(entry.children))
-    data = encode_index(IndexTile(str(top), tuple(cells)))
+def close_index_tile(store: Store, grid: Grid, cell: BakedCell) -> None:
+    """Writes the index tile of which `cell` is the top, if it is one; what is below it is then listed there."""
+    root = cell.key.level == grid.top_level
+    top = (grid.top_level - cell.key.level) % (INDEX_DEPTH - 1) == 0 and bool(cell.record.entry.children)
+    if not (root or top):
+        return
+    data = encode_index(IndexTile(str(cell.key), (cell.record.entry, *cell.listed)))
     name = content_hash(data)
-    store.put(index_key(top, name), data)
-    return name
+    store.put(index_key(cell.key, name), data)
+    cell.index, cell.listed = name, ()

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from farfield.bake.cell import BakedCell, Record, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
+from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, merge
@@ -27,7 +28,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     source = _input_hash(context, position)
     record = read_record(context.store, key, source)
     if record is not None:
-        return BakedCell(key, record, fresh=False) if record.triangles else None
+        return _finished(context, key, record, fresh=False) if record.triangles else None
     parts = _clip(context, key, position)
     if not parts:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
@@ -49,7 +50,17 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     )
     finished = Record(source, entry, len(chunk.triangles), tiles.object_bytes)
     write_record(context.store, key, finished)
-    return BakedCell(key, finished, fresh=True, tiles=tiles.encoded, objects=tiles.objects, rebuilt=1)
+    return _finished(context, key, finished, fresh=True, tiles=tiles)
+
+
+def _finished(
+    context: BakeContext, key: CellKey, record: Record, fresh: bool, tiles: CellTiles | None = None
+) -> BakedCell:
+    cell = BakedCell(key, record, Tally.of(record.entry, fresh))
+    if tiles is not None:
+        cell.tiles, cell.objects = tiles.encoded, tiles.objects
+    close_index_tile(context.store, context.grid, cell)
+    return cell
 
 
 def _input_hash(context: BakeContext, position: int) -> str:
@@ -145,9 +156,8 @@ def _placed(context: BakeContext, key: CellKey, position: int, mesh: int, name: 
 
 def _bounds(context: BakeContext, key: CellKey, chunk: Chunk) -> Bounds:
     corner = context.grid.bounds(key)[0]
-    lower = corner + chunk.positions.min(0).astype(np.float64)
-    upper = corner + chunk.positions.max(0).astype(np.float64)
-    return _triple(lower), _triple(upper)
+    lower, upper = chunk.bounds.astype(np.float64)
+    return _triple(corner + lower), _triple(corner + upper)
 
 
 def _triple(v: np.ndarray) -> tuple[float, float, float]:

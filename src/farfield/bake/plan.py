@@ -94,7 +94,8 @@ def scene_bounds(scene: Scene, summaries: list[MeshSummary]) -> NDArray[np.float
 
 def default_leaf_size(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64]) -> float:
     """Smallest power of two, in metres, that keeps to MOST_LEAVES occupied leaves and TRIANGLES_PER_LEAF."""
-    triangles = sum(summaries[int(mesh)].triangles for mesh in scene.instances.mesh)
+    counts = np.array([summary.triangles for summary in summaries], dtype=np.int64)
+    triangles = int((counts * np.bincount(scene.instances.mesh, minlength=len(counts))).sum())
     most = min(MOST_LEAVES, max(FEWEST_LEAVES, triangles // TRIANGLES_PER_LEAF))
     extent = float((bounds[1] - bounds[0]).max())
     exponent = int(np.ceil(np.log2(max(extent, 1e-6))))

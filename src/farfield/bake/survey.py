@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 from farfield.errors import InputError
 from farfield.progress import Progress
 from farfield.represent.blocks import BlockedMesh
-from farfield.scene.model import Material, Mesh, Scene
+from farfield.scene.model import Material, Mesh, MeshSource, Scene
 
-CACHE_BYTES = 1 << 30
+CACHE_BYTES = 1 << 29
 """Meshes a process keeps loaded; the least recently used go first."""
 
 
@@ -73,21 +74,36 @@ def mesh_bytes(mesh: Mesh) -> int:
     return sum(a.nbytes for a in arrays if a is not None) + sum(textures.values())
 
 
-def survey(scene: Scene, cache: MeshCache, progress: Progress) -> list[MeshSummary]:
-    """Summaries of all meshes. A mesh that cannot be read is reported and left out; InputError when none is left."""
-    progress.start(len(scene.meshes), "meshes surveyed")
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """A mesh's summary, and what there is to say of it."""
+
+    summary: MeshSummary
+    notes: tuple[str, ...] = ()
+    problem: InputError | None = None
+    """Why it is left out."""
+
+
+def survey_mesh(cache: MeshCache, index: int, source: MeshSource) -> Surveyed:
+    """Loads a mesh into the cache and sums it up."""
+    try:
+        mesh = source.load()
+        loaded = cache.add(index, mesh)
+        summary = MeshSummary(loaded.blocks.boxes, len(mesh.triangles), _content(mesh))
+        return Surveyed(summary, tuple(mesh.warnings))
+    except InputError as error:
+        return Surveyed(MeshSummary(np.zeros((0, 2, 3)), 0, ""), (f"left out: {error}",), error)
+
+
+def survey(found: Iterable[Surveyed], count: int, progress: Progress) -> list[MeshSummary]:
+    """Summaries of `count` meshes. One that cannot be read is reported and left out; InputError when none is left."""
+    progress.start(count, "meshes surveyed")
     summaries, problem = [], None
-    for index, source in enumerate(scene.meshes):
-        try:
-            mesh = source.load()
-            for warning in mesh.warnings:
-                progress.note(warning)
-            loaded = cache.add(index, mesh)
-            summaries.append(MeshSummary(loaded.blocks.boxes, len(mesh.triangles), _content(mesh)))
-        except InputError as error:
-            progress.note(f"left out: {error}")
-            problem = error
-            summaries.append(MeshSummary(np.zeros((0, 2, 3)), 0, ""))
+    for surveyed in found:
+        for note in surveyed.notes:
+            progress.note(note)
+        problem = problem or surveyed.problem
+        summaries.append(surveyed.summary)
         progress.advance()
     progress.finish()
     if all(s.triangles == 0 for s in summaries):

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from farfield.bake.cell import BakedCell, Record, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_record
 from farfield.bake.context import BakeContext
+from farfield.bake.index import close_index_tile
 from farfield.bake.leaf import bake_leaf
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
@@ -50,11 +51,13 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         record = Record(source, _entry(context, key, below, built, cell_hash), 0, built.object_bytes)
         write_record(context.store, key, record)
         tiles, objects = built.encoded, built.objects
-    entries = [entry for cell in below for entry in (cell.record.entry, *cell.below)]
-    rebuilt = sum(cell.rebuilt for cell in below) + fresh
+    tally = Tally.sum([Tally.of(record.entry, fresh), *(cell.tally for cell in below)])
+    listed = tuple(entry for cell in below for entry in cell.entries)
     for cell in below:
         cell.release()
-    return BakedCell(key, record, fresh, tiles, objects, entries, rebuilt)
+    baked = BakedCell(key, record, tally, listed=listed, tiles=tiles, objects=objects)
+    close_index_tile(context.store, context.grid, baked)
+    return baked
 
 
 def _composite(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) -> CellTiles:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from threading import Lock
 
 from farfield.errors import OptionError
@@ -54,6 +55,10 @@ class CachedStore:
         """See `Store.put`."""
         self._forget(key)
         self._inner.put(key, data)
+
+    def writing(self) -> AbstractContextManager[None]:
+        """See `Store.writing`."""
+        return self._inner.writing()
 
     def exists(self, key: str) -> bool:
         """See `Store.exists`."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from typing import Protocol
+
+from farfield.errors import StoreError
 
 
 class Store(Protocol):
@@ -42,6 +45,14 @@ class Store(Protocol):
         """
         ...
 
+    def writing(self) -> AbstractContextManager[None]:
+        """Held by whoever changes what belongs together (a bake, an update): there is one at a time.
+
+        Given back at the end, and when the process dies. Where the medium cannot say who writes (a bucket), everyone
+        gets it. Raises StoreError: somebody else has it, or nothing can be written here.
+        """
+        ...
+
     def exists(self, key: str) -> bool:
         """Whether a value is stored under `key` (a folder of keys is none)."""
         ...
@@ -66,3 +77,8 @@ class Store(Protocol):
         The key `prefix` itself is not below it. What is written or removed meanwhile may or may not be listed.
         """
         ...
+
+
+def busy(location: str) -> StoreError:
+    """What `Store.writing` raises while somebody else has it."""
+    return StoreError("another process is writing to this world", location, "wait until it is done, or end it")

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import time
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Never
 from uuid import uuid4
 
 from farfield.errors import MissingKeyError, OptionError, StoreError
+from farfield.store.contract import busy
 from farfield.store.keys import check_key, check_prefix
 
 INCOMING = ".incoming"
@@ -90,6 +92,23 @@ class DirectoryStore:
                 where = f"{self._root}: {key}"
                 raise StoreError("a key cannot also be the folder of other keys", where) from error
             self._fail(error, key, "cannot be written")
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """See `Store.writing`. The system's lock on the folder of incoming values: it ends with the process."""
+        try:
+            self._make_ready()
+            lock = os.open(self._root / INCOMING, os.O_RDONLY)
+        except OSError as error:
+            self._fail(error, "", "cannot be written")
+        try:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise busy(self.location) from None
+            yield
+        finally:
+            os.close(lock)
 
     def exists(self, key: str) -> bool:
         """See `Store.exists`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from farfield.store.contract import Store
@@ -38,6 +39,10 @@ class LatencyStore:
         """See `Store.put`."""
         time.sleep(self.seconds)
         self.inner.put(key, data)
+
+    def writing(self) -> AbstractContextManager[None]:
+        """See `Store.writing`."""
+        return self.inner.writing()
 
     def exists(self, key: str) -> bool:
         """See `Store.exists`."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from threading import Lock
 
 from farfield.errors import MissingKeyError, OptionError, StoreError
+from farfield.store.contract import busy
 from farfield.store.keys import ancestors, check_key, check_prefix
 
 
@@ -18,6 +20,7 @@ class MemoryStore:
         self._values: dict[str, bytes] = {}
         self._folders: Counter[str] = Counter()
         self._lock = Lock()
+        self._writer = Lock()
 
     @property
     def location(self) -> str:
@@ -46,6 +49,16 @@ class MemoryStore:
             if key not in self._values:
                 self._folders.update(above)
             self._values[key] = bytes(data)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """See `Store.writing`."""
+        if not self._writer.acquire(blocking=False):
+            raise busy(self._location)
+        try:
+            yield
+        finally:
+            self._writer.release()
 
     def exists(self, key: str) -> bool:
         """See `Store.exists`."""

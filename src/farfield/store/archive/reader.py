@@ -80,11 +80,15 @@ class ArchiveStore:
 
     def put(self, key: str, data: bytes) -> Never:
         """Raises StoreError: an archive is written as a whole."""
-        self._refuse(key)
+        self._refuse(check_key(key))
 
     def delete(self, key: str) -> Never:
         """Raises StoreError: an archive is written as a whole."""
-        self._refuse(key)
+        self._refuse(check_key(key))
+
+    def writing(self) -> Never:
+        """Raises StoreError: an archive is written as a whole."""
+        self._refuse("")
 
     def exists(self, key: str) -> bool:
         """See `Store.exists`."""
@@ -145,8 +149,8 @@ class ArchiveStore:
         return f"{self._path}: {key}"
 
     def _refuse(self, key: str) -> Never:
-        check_key(key)
-        raise StoreError("an archive cannot be changed", self._where(key), "an archive is written by farfield copy")
+        where = self._where(key) if key else self._path
+        raise StoreError("an archive cannot be changed", where, "an archive is written by farfield copy")
 
     def _fail(self, error: OSError) -> Never:
         reason = os.strerror(error.errno).lower() if error.errno else str(error)

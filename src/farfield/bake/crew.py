@@ -1,0 +1,151 @@
+"""Who does the work of a bake: this process alone, or worker processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from farfield.bake.context import BakeJob
+from farfield.bake.survey import Surveyed
+from farfield.bake.worker import Branch, Outcome, Worker, bake_here, begin_worker, survey_here, write_job
+from farfield.errors import WorldError
+from farfield.scene.model import Scene
+from farfield.store.contract import Store
+
+_LOST = (
+    'give it more memory or fewer --workers, and in a script bake below `if __name__ == "__main__"`; '
+    "baking again goes on where it was"
+)
+
+
+class Crew(Protocol):
+    """Does pieces of work, in any order and place; the bytes that come of it are the same."""
+
+    size: int
+    """How many pieces are done at a time."""
+
+    def survey(self, count: int) -> Iterator[Surveyed]:
+        """Surveys the meshes 0 .. count - 1, in that order."""
+        ...
+
+    def begin(self, job: BakeJob) -> None:
+        """Hands out what every branch needs."""
+        ...
+
+    def give(self, branch: Branch) -> None:
+        """Adds a branch to the work; those given earlier are begun earlier."""
+        ...
+
+    def done(self) -> Iterator[Outcome]:
+        """The branches as they are finished, until none is left; more may be given meanwhile.
+
+        Raises WorldError when a worker process dies, and what the work itself raises.
+        """
+        ...
+
+
+@contextmanager
+def crew_of(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
+    """The crew for a number of workers; 1: this process. At the end it finishes what it has begun, and goes."""
+    if workers <= 1:
+        yield Alone(scene, store)
+        return
+    with tempfile.TemporaryDirectory(prefix="farfield-") as folder:
+        crew = Processes(scene, store, workers, Path(folder) / "job")
+        try:
+            yield crew
+        except BrokenProcessPool:
+            raise WorldError("a worker process was killed", "", _LOST) from None
+        finally:
+            crew.dismiss()
+
+
+class Alone:
+    """This process."""
+
+    size = 1
+
+    def __init__(self, scene: Scene, store: Store) -> None:
+        self._worker = Worker(scene, store)
+        self._given: list[Branch] = []
+
+    def survey(self, count: int) -> Iterator[Surveyed]:
+        """See `Crew.survey`."""
+        return map(self._worker.survey, range(count))
+
+    def begin(self, job: BakeJob) -> None:
+        """See `Crew.begin`."""
+        self._worker.begin(job)
+
+    def give(self, branch: Branch) -> None:
+        """See `Crew.give`."""
+        self._given.append(branch)
+
+    def done(self) -> Iterator[Outcome]:
+        """See `Crew.done`."""
+        while self._given:
+            yield self._worker.bake(self._given.pop(0))
+
+
+class Processes:
+    """Worker processes, started when there is something to share: each takes a second or two to begin."""
+
+    def __init__(self, scene: Scene, store: Store, size: int, job: Path) -> None:
+        self.size = size
+        self._scene = scene
+        self._store = store
+        self._job = job
+        self._alone: Alone | None = Alone(scene, store)
+        self._pool: ProcessPoolExecutor | None = None
+        self._pending: set[Future[Outcome]] = set()
+
+    def survey(self, count: int) -> Iterator[Surveyed]:
+        """See `Crew.survey`."""
+        if count == 1 and self._alone is not None:
+            return self._alone.survey(count)
+        pool = self._started()
+        return pool.map(survey_here, range(count), chunksize=max(1, min(16, count // (4 * self.size))))
+
+    def begin(self, job: BakeJob) -> None:
+        """See `Crew.begin`."""
+        if len(job.plan.leaves) == 1 and self._alone is not None:
+            self._alone.begin(job)
+        else:
+            self._started()
+            write_job(self._job, job)
+
+    def give(self, branch: Branch) -> None:
+        """See `Crew.give`."""
+        if self._alone is not None:
+            self._alone.give(branch)
+        else:
+            self._pending.add(self._started().submit(bake_here, self._job, branch))
+
+    def done(self) -> Iterator[Outcome]:
+        """See `Crew.done`."""
+        if self._alone is not None:
+            yield from self._alone.done()
+        while self._pending:
+            finished, self._pending = wait(self._pending, return_when=FIRST_COMPLETED)
+            outcomes: Sequence[Outcome] = [future.result() for future in finished]
+            yield from outcomes
+
+    def dismiss(self) -> None:
+        """Ends the processes; what is begun is finished, the rest forgotten."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _started(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            self._alone = None
+            spawn = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(
+                self.size, spawn, initializer=begin_worker, initargs=(self._scene, self._store)
+            )
+        return self._pool
