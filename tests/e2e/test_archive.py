@@ -38,10 +38,12 @@ class _Ranges(_Files):
         if not found or not path.is_file():
             super().do_GET()
             return
-        data = path.read_bytes()
-        part = data[int(found[1]) : int(found[2]) + 1]
+        first, last = int(found[1]), int(found[2])
+        with path.open("rb") as file:
+            file.seek(first)
+            part = file.read(last + 1 - first)
         self.send_response(206)
-        self.send_header("Content-Range", f"bytes {found[1]}-{int(found[1]) + len(part) - 1}/{len(data)}")
+        self.send_header("Content-Range", f"bytes {first}-{first + len(part) - 1}/{path.stat().st_size}")
         self.send_header("Content-Length", str(len(part)))
         self.end_headers()
         self.wfile.write(part)

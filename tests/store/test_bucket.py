@@ -90,6 +90,12 @@ def test_a_worker_process_may_have_it(new_bucket: Callable[[], str]) -> None:
     assert pickle.loads(pickle.dumps(store)).get("a/b") == b"x"
 
 
+def test_a_bucket_cannot_say_who_writes(new_bucket: Callable[[], str]) -> None:
+    store = BucketStore(new_bucket())
+    with store.writing(), store.writing():
+        store.put("a", b"")
+
+
 def test_worlds_beside_each_other_do_not_mix(new_bucket: Callable[[], str]) -> None:
     bucket = new_bucket()
     one, other = BucketStore(f"{bucket}/one"), BucketStore(f"{bucket}/one-more/")
