@@ -78,6 +78,12 @@ def test_urls_of_another_kind() -> None:
         open_store("ftp://some/world")
 
 
+def test_an_archive_in_a_bucket_is_for_the_page() -> None:
+    for create in (False, True):
+        with pytest.raises(NotAWorldError, match="archives are not read or written in buckets"):
+            open_store("s3://some/world.farfield", create=create)
+
+
 def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "obstore.store", None)
     with pytest.raises(MissingExtraError, match=r"farfield\[cloud\]"):

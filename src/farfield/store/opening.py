@@ -62,6 +62,9 @@ def _bucket(url: str, create: bool) -> Store:
     if scheme not in SCHEMES:
         known = ", ".join(f"{name}://" for name in SCHEMES)
         raise NotAWorldError(f"worlds are not read from {scheme}://", url, f"a folder, a .farfield file, or {known}")
+    if url.endswith(SUFFIX):
+        hint = "keep the file on a disk, and upload it for the page to read"
+        raise NotAWorldError("archives are not read or written in buckets", url, hint)
     store = BucketStore(url)
     if create and not _bucket_may_hold_a_world(store):
         raise NotAWorldError("there is something other than a world", url, "choose another folder of the bucket")
