@@ -82,7 +82,7 @@ describe("the address and the camera", () => {
 
 it("the core's public names are these", () => {
   expect(Object.keys(core).sort()).toEqual([
-    "Cell", "FarfieldError", "Fetcher", "Grid", "PRINCIPAL", "SharedMeshes", "axesOf", "cut", "decodeIndexTile",
+    "ArchiveFetcher", "Cell", "FarfieldError", "Fetcher", "Grid", "PRINCIPAL", "SharedMeshes", "axesOf", "cut", "decodeIndexTile",
     "decodeManifest", "decodeTile", "formatKey", "nearRadius", "parseKey", "viewBin",
   ]);
 });

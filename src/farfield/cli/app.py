@@ -20,6 +20,7 @@ COMMANDS = (
     "serve",
     "info",
     "verify",
+    "copy",
     "render",
     "compare",
     "coverage",

@@ -6,6 +6,7 @@ import asyncio
 import logging
 import struct
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import msgspec
@@ -37,6 +38,9 @@ MISSING = 0xFFFFFFFF
 
 _LENGTH = struct.Struct("<I")
 
+_readers = ThreadPoolExecutor(16, "batch")
+"""Ask for the lengths of a batch's values at once: where the store is a bucket, each takes its 20 to 100 ms."""
+
 _log = logging.getLogger("farfield.serve")
 
 
@@ -61,7 +65,7 @@ async def batch_response(store: Store, request: Request) -> Response:
         return PlainTextResponse("the list of keys did not arrive in time", 408)
     if not 1 <= len(keys) <= MAX_KEYS:
         return PlainTextResponse(f"1 to {MAX_KEYS} keys, please", 400)
-    parts = await run_in_threadpool(lambda: [_Part(key, _length_of(store, key)) for key in keys])
+    parts = await run_in_threadpool(lambda: list(_readers.map(lambda key: _Part(key, _length_of(store, key)), keys)))
     total = sum(part.bytes_sent for part in parts)
     if total > MAX_BYTES and len(parts) > 1:
         return PlainTextResponse(f"these are {total} bytes; at most {MAX_BYTES} in one answer", 413)

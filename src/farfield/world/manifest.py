@@ -103,11 +103,15 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
 def read_manifest(store: Store) -> Manifest:
     """The manifest of the world in a store. Raises NotAWorldError, VersionError or StoreError."""
+    return decode_manifest(manifest_bytes(store), f"{store.location}/{KEY}")
+
+
+def manifest_bytes(store: Store) -> bytes:
+    """The same as it is written, not yet looked at. Raises NotAWorldError or StoreError."""
     try:
-        data = store.get(KEY)
+        return store.get(KEY)
     except MissingKeyError:
         raise NotAWorldError("no world here", store.location, "farfield bake SOURCE -o WORLD makes one") from None
-    return decode_manifest(data, f"{store.location}/{KEY}")
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
