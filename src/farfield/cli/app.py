@@ -21,6 +21,7 @@ COMMANDS = (
     "info",
     "verify",
     "copy",
+    "gc",
     "render",
     "compare",
     "coverage",
