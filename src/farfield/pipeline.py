@@ -9,9 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
-from farfield.errors import OptionError
+from farfield.bake.repair import forget
+from farfield.errors import MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.read import read_scene
 from farfield.serve.viewer_files import install_viewer
@@ -20,6 +23,8 @@ from farfield.store.archive.writer import writing_archive
 from farfield.store.opening import Place, is_archive, is_url, open_store
 from farfield.world.copying import Copied, copy_world
 from farfield.world.targets import ArchiveTarget, StoreTarget
+from farfield.world.verification import Verification, verify_world
+from farfield.world.world import World
 
 
 def bake_sources(
@@ -32,6 +37,8 @@ def bake_sources(
     progress = progress or NoProgress()
     store = open_store(output, create=True)
     scene = read_scene(sources)
+    options = options or BakeOptions()
+    _remember(store, sources, options)
     result = bake(scene, store, options, progress)
     install_viewer(store)
     statistics = result.manifest.statistics
@@ -51,6 +58,59 @@ def bake_sources(
         "source_bytes": statistics.source_bytes,
         "peak_rss_bytes": peak_rss_bytes(),
     }
+
+
+class _Order(msgspec.Struct, frozen=True):
+    """What a world was last baked from, so that it can be repaired; it stays beside the notes about its cells."""
+
+    sources: tuple[str, ...]
+    options: BakeOptions
+
+
+_ORDER_KEY = "record/order.json"
+
+
+def _remember(store: Store, sources: Sequence[Path], options: BakeOptions) -> None:
+    order = _Order(tuple(str(Path(source).resolve()) for source in sources), options)
+    store.put(_ORDER_KEY, msgspec.json.encode(order))
+
+
+def verify_place(place: Place, repair: bool = False, progress: Progress | None = None) -> Verification:
+    """Checks a world; with `repair`, what is bad is baked again from the source that the world was baked from.
+
+    Raises WorldError: something is bad and the source is not known or not there any more; and as `open_store`,
+    `World.open` and `bake_sources` do.
+    """
+    progress = progress or NoProgress()
+    store = open_store(place)
+    found = verify_world(World.open(store), progress)
+    # What a damaged index tile hid is found when it is whole again.
+    for _ in range(_REPAIRS if repair else 0):
+        if not found.faults:
+            break
+        order = _order_of(store)
+        progress.note(f"{len(found.faults):,} bad; baking them again from {', '.join(order.sources)}")
+        with store.writing():
+            forget(World.open(store), [fault.key for fault in found.faults])
+        bake_sources([Path(source) for source in order.sources], place, order.options, progress)
+        found = verify_world(World.open(store), progress)
+    return found
+
+
+_REPAIRS = 3
+
+
+def _order_of(store: Store) -> _Order:
+    try:
+        order = msgspec.json.decode(store.get(_ORDER_KEY), type=_Order)
+    except (MissingKeyError, msgspec.DecodeError):
+        raise WorldError(
+            "the world does not tell what it was baked from", store.location, "bake its source into it again"
+        ) from None
+    gone = [source for source in order.sources if not Path(source).exists()]
+    if gone:
+        raise WorldError("the source is not there any more", gone[0], "put it back, or bake another copy of it")
+    return order
 
 
 def copy_place(source: Place, target: Place, progress: Progress | None = None) -> dict[str, Any]:
