@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import struct
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ from typing import NamedTuple
 from farfield.errors import CorruptTileError, MissingKeyError, StoreError
 from farfield.octree.grid import CellKey
 from farfield.progress import NoProgress, Progress
+from farfield.represent.geometry.read import texture_hashes
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
@@ -83,14 +82,23 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
     reports: list[_Report] = []
     entries: list[CellEntry] = []
     pending = [(CellKey.parse(root.key), root.hash) for root in world.manifest.roots]
+    seen: set[str] = set()
     while pending:
         cell, name = pending.pop()
         key = keys.index_key(cell, name)
+        if key in seen:
+            continue
+        seen.add(key)
         report = _check_hashed(world.store, key)
         reports.append(report)
         if report.faults:
             continue
-        for entry in decode_index(world.store.get(key), key).cells:
+        try:
+            tile = decode_index(world.store.get(key), key)
+        except (CorruptTileError, StoreError) as error:
+            reports.append(_Report(faults=(Fault(key, error.what),)))
+            continue
+        for entry in tile.cells:
             # A cell with an index tile of its own stands there again, as its first.
             if entry.index:
                 pending.append((entry.cell, entry.index))
@@ -150,15 +158,11 @@ def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:
         return _Report(1, len(data), (Fault(key, f"has {len(data)} bytes, the index says {length}"),))
     if keys.content_hash(data) != key[-16:]:
         return _Report(1, len(data), (Fault(key, "is altered: its hash is another"),))
-    return _Report(1, len(data), (), tuple(_textures_of(data)))
-
-
-def _textures_of(data: bytes) -> Iterator[str]:
-    """Hashes of the images that a GLB, known to be unaltered, refers to; none for anything else."""
-    if data[:4] == b"glTF":
-        (length,) = struct.unpack_from("<I", data, 12)
-        for image in json.loads(data[20 : 20 + length]).get("images", ()):
-            yield image["uri"].rpartition("/")[2]
+    try:
+        textures = texture_hashes(data, key) if data.startswith(b"glTF") else ()
+    except CorruptTileError as error:
+        return _Report(1, len(data), (Fault(key, error.what),))
+    return _Report(1, len(data), (), textures)
 
 
 def _meshes_of(leaves: Iterable[GeometryEntry]) -> list[str]:
