@@ -13,6 +13,8 @@ from msgspec import Meta
 
 _Number = Annotated[int, Meta(ge=0, le=(1 << 32) - 1)]
 """A count, a length, an offset or a place in a list: a GLB has less than 4 GiB."""
+_Factor = Annotated[float, Meta(ge=-1e6, le=1e6)]
+"""Of colour or alpha: single precision holds it."""
 _Hash = Annotated[str, Meta(pattern=r"^[0-9a-f]{16}\Z")]
 MAXIMUM_PRIMITIVES = 65535
 """Primitives of a mesh: its triangles name their material in 16 bits."""
@@ -68,7 +70,7 @@ class TextureReference(msgspec.Struct, frozen=True):
 class Surface(msgspec.Struct, frozen=True):
     """Base colour of a material, linear light and alpha."""
 
-    baseColorFactor: tuple[float, float, float, float]  # noqa: N815
+    baseColorFactor: tuple[_Factor, _Factor, _Factor, _Factor]  # noqa: N815
     baseColorTexture: TextureReference | None = None  # noqa: N815
 
 
@@ -77,7 +79,7 @@ class MaterialEntry(msgspec.Struct, frozen=True):
 
     pbrMetallicRoughness: Surface  # noqa: N815
     alphaMode: str = "OPAQUE"  # noqa: N815
-    alphaCutoff: float = 0.5  # noqa: N815
+    alphaCutoff: _Factor = 0.5  # noqa: N815
     doubleSided: bool = False  # noqa: N815
     extensions: dict[str, msgspec.Raw] = {}
 
