@@ -32,7 +32,7 @@ from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.shading import Light
 from farfield.world import keys
-from farfield.world.index import MAXIMUM_BYTES, decode_index, encode_index
+from farfield.world.index import MAXIMUM_BYTES, decode_index
 from farfield.world.manifest import KEY, decode_manifest
 from farfield.world.world import World
 from fuzz.shells import BARE, BARE_JSON, GLB_BODY, GLB_JSON, INDEX_TEXT, PNG, SEALED, plane
@@ -124,11 +124,11 @@ def _index() -> Decoder:
 
 def _index_bound(data: bytes) -> int:
     declared = int.from_bytes(data[8:12], "little")
-    return 32 * declared * (declared <= MAXIMUM_BYTES) + 4 * len(data) + _ROOM
+    return 16 * declared * (declared <= MAXIMUM_BYTES) + 4 * len(data) + _ROOM
 
 
 def _manifest() -> Decoder:
-    return Decoder("manifest", decode_manifest, (golden()[KEY],), (BARE_JSON,), _times(64))
+    return Decoder("manifest", decode_manifest, (golden()[KEY],), (BARE_JSON,), _times(32))
 
 
 def _walk() -> Decoder:
@@ -153,12 +153,12 @@ def _record() -> Decoder:
     names = sorted(name for name in golden() if name.startswith("record/1"))
     key = CellKey.parse(names[0].removeprefix("record/"))
     corpus = tuple(golden()[name] for name in names)
-    return Decoder("record", lambda data: decode_record(data, key), corpus, (BARE_JSON,), _times(64))
+    return Decoder("record", lambda data: decode_record(data, key), corpus, (BARE_JSON,), _times(32))
 
 
 def _keys() -> Decoder:
     corpus = (b'["world.json"]', b'["index/1/0/0/0-0123456789abcdef","mesh/0123456789abcdef"]')
-    return Decoder("keys", decode_keys, corpus, (BARE_JSON,), _times(64))
+    return Decoder("keys", decode_keys, corpus, (BARE_JSON,), _times(32))
 
 
 # Near geometry
@@ -199,7 +199,7 @@ def _leaf() -> Decoder:
             assert placed.transforms.shape == (len(placed.objects), 3, 4)
 
     corpus = (fresh, *_golden("geometry", 6))
-    return Decoder("leaf", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(64), use)
+    return Decoder("leaf", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(32), use)
 
 
 def _mesh() -> Decoder:
@@ -209,7 +209,7 @@ def _mesh() -> Decoder:
         return read_mesh_glb(data, "", lambda _: _WHITE)
 
     corpus = (fresh, *_golden("mesh", 2))
-    return Decoder("mesh", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(64), _use_mesh)
+    return Decoder("mesh", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(32), _use_mesh)
 
 
 def _use_mesh(mesh: Mesh) -> None:

@@ -7,7 +7,24 @@ from collections.abc import Callable
 from random import Random
 from typing import Any
 
-EXTREMES = (0, 1, -1, 127, 128, 255, 256, 4096, 4097, 2**15 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1)
+EXTREMES = (
+    0,
+    1,
+    -1,
+    127,
+    128,
+    255,
+    256,
+    4096,
+    4097,
+    2**15 - 1,
+    2**15,
+    2**16 - 1,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**63 - 1,
+)
 """Integers at which fields overflow, sizes become absurd and signs turn."""
 HEADER = 64
 """Bytes at the beginning that are hit more often than others."""
@@ -88,7 +105,8 @@ def mutated(data: bytes, other: bytes, rng: Random) -> bytes:
 _MARK = "@@here@@"
 _RAW = (
     b"1e999", b"-1e999", b"1e308", b"NaN", b"-Infinity", b"9" * 400, b"9" * 5000, b"-1", b"0", b"1e-320", b"-0", b"0.5",
-    b"[" * 500 + b"]" * 500, b"[" * 100_000, b'{"a":' * 50_000, b'"\xff"', b'"\\ud800"', b'"\xed\xa0\x80"', b'""', b'"..\\/.."',
+    b"[" * 500 + b"]" * 500, b"[" * 100_000, b'{"a":' * 50_000,
+    b'"\xff"', b'"\\ud800"', b'"\xed\xa0\x80"', b'""', b'"..\\/.."',
     b"null", b"true", b"[]", b"{}", b"[[]]", b'"' + b"x" * 10_000 + b'"',
     *(str(number).encode() for number in EXTREMES),
 )  # fmt: skip

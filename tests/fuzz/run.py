@@ -3,7 +3,8 @@
     python -m fuzz.run CASES [SEED]
 
 with `tests` and `src` on the path. Prints one JSON object: cases, how many of each decoder's were read (the others
-were refused), the largest share of its bound of memory that each took, seconds, and faults. Case `n` of a seed is the same on every machine with the same versions of zlib and libwebp.
+were refused), the largest share of its bound of memory that each took, seconds, and faults. Case `n` of a seed is the
+same on every machine with the same versions of zlib and libwebp.
 """
 
 from __future__ import annotations

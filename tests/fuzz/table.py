@@ -25,6 +25,6 @@ class Decoder:
     shells: tuple[Shell, ...]
     """Ways into them, each taken equally often."""
     bound: Callable[[bytes], int]
-    """Bytes of memory that decoding may take at most, as its docstring says: of the input and what its header declares."""
+    """Bytes of memory that decoding the input may take at most, as the decoder's docstring says."""
     use: Callable[[Any], None] = _unused
     """Does with what was read what its users do; kernels above all, which do not look where their indices lead."""

@@ -1,4 +1,4 @@
-"""Whatever bytes hold: every decoder reads them or refuses them with the project's own error, soon and in little memory."""
+"""Every decoder reads what it is given or refuses it with the project's own error, in time and in bounded memory."""
 
 from __future__ import annotations
 

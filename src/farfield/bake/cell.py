@@ -79,7 +79,7 @@ def read_record(store: Store, key: CellKey, input_hash: str) -> Record | None:
 
 
 def decode_record(data: bytes, key: CellKey) -> Record:
-    """Reads the record of a cell; allocates at most 64 bytes for each byte of it.
+    """Reads the record of a cell; allocates at most 32 bytes for each byte of it.
 
     Raises CorruptTileError when it is none, or of another cell.
     """

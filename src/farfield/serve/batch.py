@@ -90,7 +90,7 @@ async def _keys_of(request: Request) -> list[str]:
 
 
 def decode_keys(body: bytes) -> list[str]:
-    """The keys in the body of a POST; allocates at most 64 bytes for each byte of it.
+    """The keys in the body of a POST; allocates at most 32 bytes for each byte of it.
 
     Raises OptionError: it is no JSON list of strings.
     """

@@ -75,7 +75,7 @@ def encode_index(tile: IndexTile) -> bytes:
 def decode_index(data: bytes, where: str) -> IndexTile:
     """Reads an index tile. Raises CorruptTileError for anything else.
 
-    Allocates at most 32 bytes for each byte of JSON that the header declares, which is at most MAXIMUM_BYTES.
+    Allocates at most 16 bytes for each byte of JSON that the header declares, which is at most MAXIMUM_BYTES.
     """
     try:
         tile = msgspec.json.decode(_text_of(data, where), type=IndexTile)

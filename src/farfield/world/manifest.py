@@ -128,7 +128,7 @@ class _Head(msgspec.Struct):
 
 
 def decode_manifest(data: bytes, where: str = KEY) -> Manifest:
-    """Reads a manifest; allocates at most 64 bytes for each byte of it.
+    """Reads a manifest; allocates at most 32 bytes for each byte of it.
 
     Raises NotAWorldError when it is not the manifest of a world and VersionError when a newer farfield wrote it.
     """

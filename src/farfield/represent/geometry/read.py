@@ -43,7 +43,7 @@ class LeafGeometry:
 
 
 def read_leaf_glb(data: bytes, where: str, texture: TextureReader) -> LeafGeometry:
-    """Reads a leaf's GLB. Raises CorruptTileError; allocates at most 64 bytes for each byte of it, textures apart."""
+    """Reads a leaf's GLB. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
     with _Damage(where):
         glb = _Glb(data)
         if not glb.document.scenes:
@@ -58,7 +58,7 @@ def read_leaf_glb(data: bytes, where: str, texture: TextureReader) -> LeafGeomet
 
 
 def read_mesh_glb(data: bytes, where: str, texture: TextureReader) -> Mesh:
-    """Reads a shared mesh. Raises CorruptTileError; allocates at most 64 bytes for each byte of it, textures apart."""
+    """Reads a shared mesh. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
     with _Damage(where):
         return _Glb(data).mesh(texture)
 
