@@ -166,6 +166,13 @@ def test_textures_that_claim_to_be_huge(size: tuple[int, int]) -> None:
         decode_texture(png(*size), "texture/x")
 
 
+def test_textures_larger_than_any_that_is_written() -> None:
+    stream = io.BytesIO()
+    Image.new("L", (8193, 1)).save(stream, "PNG")
+    with pytest.raises(CorruptTileError, match="8193 x 1"):
+        decode_texture(stream.getvalue(), "texture/x")
+
+
 def test_other_formats_are_no_textures() -> None:
     """Only those of the format: Pillow reads forty, some of them by starting other programs."""
     stream = io.BytesIO()
