@@ -14,10 +14,11 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
-from farfield.errors import MissingKeyError, StoreError
+from farfield.errors import MissingKeyError, OptionError, StoreError
 from farfield.serve.public import BROWSER_YEAR, is_permanent, is_world_key
 from farfield.serve.values import chunks
 from farfield.store import Store
+from farfield.world.limits import DAMAGE
 
 MEDIA_TYPE = "application/vnd.farfield.batch"
 
@@ -59,7 +60,7 @@ async def batch_response(store: Store, request: Request) -> Response:
     """The answer to a GET or POST of `/batch`."""
     try:
         keys = await _keys_of(request)
-    except ValueError as error:
+    except OptionError as error:
         return PlainTextResponse(str(error), 400)
     except (TimeoutError, ClientDisconnect):
         return PlainTextResponse("the list of keys did not arrive in time", 408)
@@ -80,7 +81,7 @@ async def batch_response(store: Store, request: Request) -> Response:
 
 
 async def _keys_of(request: Request) -> list[str]:
-    """Raises ValueError: no list of keys. TimeoutError: it did not come in time."""
+    """Raises OptionError: no list of keys. TimeoutError: it did not come in time."""
     if request.method != "POST":
         return request.query_params.getlist("key")
     body = b""
@@ -88,11 +89,19 @@ async def _keys_of(request: Request) -> list[str]:
         async for piece in request.stream():
             body += piece
             if len(body) > MAX_BODY:
-                raise ValueError(f"the list of keys is longer than {MAX_BODY} bytes")
+                raise OptionError(f"the list of keys is longer than {MAX_BODY} bytes")
+    return decode_keys(body)
+
+
+def decode_keys(body: bytes) -> list[str]:
+    """The keys in the body of a POST; allocates at most 32 bytes for each byte of it.
+
+    Raises OptionError: it is no JSON list of strings.
+    """
     try:
         return msgspec.json.decode(body, type=list[str])
-    except msgspec.MsgspecError:
-        raise ValueError("expected a JSON list of keys") from None
+    except DAMAGE:
+        raise OptionError("expected a JSON list of keys") from None
 
 
 def _length_of(store: Store, key: str) -> int:

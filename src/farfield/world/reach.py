@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import struct
-from collections.abc import Iterator
-
-from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey
+from farfield.represent.geometry.read import texture_hashes
 from farfield.world import keys
 from farfield.world.index import CellEntry, IndexTile
 from farfield.world.manifest import Manifest
@@ -37,13 +33,6 @@ def object_keys(entry: CellEntry) -> list[str]:
     return [keys.objects_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in entry.tiles]
 
 
-def textures_of(data: bytes, where: str) -> Iterator[str]:
+def textures_of(data: bytes, where: str) -> tuple[str, ...]:
     """Hashes of the images that a GLB refers to; none for anything else. Raises CorruptTileError: a damaged GLB."""
-    if data[:4] != b"glTF":
-        return
-    try:
-        (length,) = struct.unpack_from("<I", data, 12)
-        names = [image["uri"].rpartition("/")[2] for image in json.loads(data[20 : 20 + length]).get("images", ())]
-    except (ValueError, KeyError, TypeError, AttributeError, struct.error, RecursionError):
-        raise CorruptTileError("the GLB is damaged", where, "run farfield verify") from None
-    yield from names
+    return texture_hashes(data, where) if data.startswith(b"glTF") else ()

@@ -81,14 +81,22 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
     reports: list[_Report] = []
     entries: list[CellEntry] = []
     pending = first_index_tiles(world.manifest)
+    seen: set[str] = set()
     while pending:
         cell, name = pending.pop()
         key = keys.index_key(cell, name)
+        if key in seen:
+            continue
+        seen.add(key)
         report = _check_hashed(world.store, key)
         reports.append(report)
         if report.faults:
             continue
-        below, cells = parted(decode_index(world.store.get(key), key))
+        try:
+            below, cells = parted(decode_index(world.store.get(key), key))
+        except (CorruptTileError, StoreError) as error:
+            reports.append(_Report(faults=(Fault(key, error.what),)))
+            continue
         pending += below
         entries += cells
     return _sum(reports), entries
@@ -144,7 +152,11 @@ def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:
         return _Report(1, len(data), (Fault(key, f"has {len(data)} bytes, the index says {length}"),))
     if keys.content_hash(data) != key[-16:]:
         return _Report(1, len(data), (Fault(key, "is altered: its hash is another"),))
-    return _Report(1, len(data), (), tuple(textures_of(data, key)))
+    try:
+        textures = tuple(textures_of(data, key))
+    except CorruptTileError as error:
+        return _Report(1, len(data), (Fault(key, error.what),))
+    return _Report(1, len(data), (), textures)
 
 
 def _meshes_of(leaves: Iterable[GeometryEntry]) -> list[str]:

@@ -63,7 +63,8 @@ export class Fetcher implements Source {
   }
 }
 
-function unpack(bytes: Uint8Array, keys: readonly string[], where: string): (Uint8Array | null)[] {
+/** The values in the answer to a batch request, as parts of it. Throws `network` when it is cut short. */
+export function unpack(bytes: Uint8Array, keys: readonly string[], where: string): (Uint8Array | null)[] {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
   let at = 0;
   return keys.map(() => {
