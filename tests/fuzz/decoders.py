@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -27,6 +28,19 @@ from farfield.represent.orthoview.quality import quality
 from farfield.represent.orthoview.tile import COLOR, COVERAGE, DEPTH, FLAGS, NORMAL, UNLIT, decode_tile, encode_tile
 from farfield.scene.model import Material, Mesh, Texture
 from farfield.serve.batch import decode_keys
+from farfield.store.archive.layout import (
+    DIRECTORY_MEMORY,
+    HEADER_BYTES,
+    MAX_DIRECTORY_BYTES,
+    Entry,
+    Header,
+    Span,
+    decode_directory,
+    decode_header,
+    encode_directory,
+    encode_header,
+)
+from farfield.store.archive.order import rank
 from farfield.store.memory import MemoryStore
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
@@ -35,7 +49,7 @@ from farfield.world import keys
 from farfield.world.index import MAXIMUM_BYTES, decode_index
 from farfield.world.manifest import KEY, decode_manifest
 from farfield.world.world import World
-from fuzz.shells import BARE, BARE_JSON, GLB_BODY, GLB_JSON, INDEX_TEXT, PNG, SEALED, plane
+from fuzz.shells import BARE, BARE_JSON, DIRECTORY_COLUMNS, GLB_BODY, GLB_JSON, HEADER, INDEX_TEXT, PNG, SEALED, plane
 from fuzz.table import Decoder
 from represent.random_layers import random_layer
 
@@ -161,6 +175,28 @@ def _keys() -> Decoder:
     return Decoder("keys", decode_keys, corpus, (BARE_JSON,), _times(32))
 
 
+def _archive() -> Decoder:
+    """A directory of an archive; the checksum over it is its reader's business, so nothing shields it here."""
+    entries, end = [], HEADER_BYTES
+    for key in sorted(golden(), key=rank):
+        entries.append(Entry(key, Span(end, len(golden()[key]), zlib.crc32(golden()[key]))))
+        end += len(golden()[key])
+    corpus = tuple(encode_directory(part) for part in (entries, entries[:1], entries[5:40]))
+    shells = (BARE, DIRECTORY_COLUMNS, DIRECTORY_COLUMNS)
+    return Decoder("archive", lambda data: decode_directory(data, end, ""), corpus, shells, _directory_bound)
+
+
+def _directory_bound(data: bytes) -> int:
+    declared = int.from_bytes(data[:4], "little")
+    return DIRECTORY_MEMORY * declared * (declared <= MAX_DIRECTORY_BYTES) + 4 * len(data) + _ROOM
+
+
+def _archive_header() -> Decoder:
+    header = Header(Span(HEADER_BYTES, 100, 7), 5000, 40)
+    corpus = (encode_header(header),)
+    return Decoder("archive_header", lambda data: decode_header(data, ""), corpus, (BARE, HEADER), _times(4))
+
+
 # Near geometry
 
 
@@ -256,7 +292,7 @@ def _texture_bound(data: bytes) -> int:
 
 
 DECODERS: tuple[Callable[[], Decoder], ...] = (
-    _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _leaf, _mesh, _texture,
+    _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _archive, _archive_header, _leaf, _mesh, _texture,
 )  # fmt: skip
 
 

@@ -74,6 +74,20 @@ def _index_close(tile: bytes, text: bytes) -> bytes:
 INDEX_TEXT = Shell("text", lambda tile: zlib.decompress(tile[16:], -15), _index_close, json=True)
 
 
+def _header_closed(_: bytes, part: bytes) -> bytes:
+    return part[:-4] + struct.pack("<I", zlib.crc32(part[:-4]))
+
+
+HEADER = Shell("header", lambda header: header, _header_closed)
+
+
+def _directory_close(block: bytes, columns: bytes) -> bytes:
+    return struct.pack("<I", len(columns)) + block[4:8] + deflated(columns)
+
+
+DIRECTORY_COLUMNS = Shell("columns", lambda block: zlib.decompress(block[8:], -15), _directory_close)
+
+
 def _chunks(glb: bytes) -> tuple[bytes, bytes]:
     """JSON and body of a GLB."""
     (length,) = struct.unpack_from("<I", glb, 12)

@@ -21,6 +21,9 @@ VALUES_FROM = 16 * 1024
 MAX_DIRECTORY_BYTES = 16 << 20
 """A directory never unpacks to more than this."""
 
+DIRECTORY_MEMORY = 64
+"""Bytes of memory that reading a directory takes at most for each byte that it unpacks to: keys are held whole."""
+
 SMALLEST_ENTRY = 8
 """Bytes of an entry at least: four numbers of one byte each, and the checksum."""
 
@@ -111,7 +114,7 @@ def encode_directory(entries: Sequence[Entry]) -> bytes:
 
 
 def decode_directory(block: bytes, total: int, where: str) -> list[Entry]:
-    """Reads a directory of an archive of `total` bytes; never takes more memory than its length allows.
+    """Reads a directory of an archive of `total` bytes; takes at most DIRECTORY_MEMORY times the memory it unpacks to.
 
     Raises DamagedValueError for anything but a directory whose keys are in order and whose spans lie in the archive.
     """
