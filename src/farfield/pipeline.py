@@ -6,22 +6,26 @@ import resource
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.bake.repair import forget
 from farfield.errors import MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
+from farfield.scene.model import Scene
 from farfield.scene.read import read_scene
 from farfield.serve.viewer_files import install_viewer
 from farfield.store import Store
 from farfield.store.archive.writer import writing_archive
 from farfield.store.opening import Place, is_archive, is_url, open_store
 from farfield.world.copying import Copied, copy_world
+from farfield.world.manifest import Manifest, read_manifest
 from farfield.world.targets import ArchiveTarget, StoreTarget
 from farfield.world.verification import Verification, verify_world
 from farfield.world.world import World
@@ -60,6 +64,50 @@ def bake_sources(
     }
 
 
+def update_place(
+    place: Place, sources: Sequence[Path], workers: int = 0, progress: Progress | None = None
+) -> dict[str, Any]:
+    """Makes a world hold what `sources` hold now (OV 4.1); the facts of `update --json`.
+
+    The grid and the options stay those of the world, so that the result has the same bytes as a whole bake into that
+    grid. Cells that hold nothing any more go. Old tiles stay for those who read the generation before. Raises
+    WorldError: the world does not tell its options, or has another CRS; and as `bake_sources`.
+    """
+    progress = progress or NoProgress()
+    store = open_store(place)
+    manifest = read_manifest(store)
+    grid, begun = manifest.grid, time.monotonic()
+    options = replace(
+        _order_of(store).options,
+        leaf_size=grid.leaf_size,
+        resolution=grid.resolution,
+        corner=grid.corner,
+        workers=workers,
+    )
+    scene = _in_frame(read_scene(sources), manifest, store.location)
+    _remember(store, sources, options)
+    result = bake(scene, store, options, progress)
+    return {
+        "world": str(place),
+        "cells_rebuilt": result.cells_rebuilt,
+        "cells": result.manifest.statistics.cells,
+        "generation": result.manifest.generation,
+        "seconds": round(time.monotonic() - begun, 3),
+        "bytes": result.manifest.statistics.bytes,
+        "peak_rss_bytes": peak_rss_bytes(),
+    }
+
+
+def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
+    """The scene with the world's local zero, which follows from its extent where it has a CRS."""
+    if scene.crs != manifest.crs:
+        raise WorldError(f"the source has CRS {scene.crs}, the world {manifest.crs}", where, "bake it anew")
+    shift = np.subtract(scene.origin, manifest.origin)
+    moved = scene.instances.transform.copy()
+    moved[:, :, 3] += shift
+    return replace(scene, origin=manifest.origin, instances=replace(scene.instances, transform=moved))
+
+
 class _Order(msgspec.Struct, frozen=True):
     """What a world was last baked from, so that it can be repaired; it stays beside the notes about its cells."""
 
@@ -89,10 +137,11 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         if not found.faults:
             break
         order = _order_of(store)
+        sources = _sources_of(order)
         progress.note(f"{len(found.faults):,} bad; baking them again from {', '.join(order.sources)}")
         with store.writing():
             forget(World.open(store), [fault.key for fault in found.faults])
-        bake_sources([Path(source) for source in order.sources], place, order.options, progress)
+        bake_sources(sources, place, order.options, progress)
         found = verify_world(World.open(store), progress)
     return found
 
@@ -100,17 +149,21 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
 _REPAIRS = 3
 
 
+def _sources_of(order: _Order) -> list[Path]:
+    """Raises WorldError when one is gone."""
+    for source in order.sources:
+        if not Path(source).exists():
+            raise WorldError("the source is not there any more", source, "put it back, or bake another copy of it")
+    return [Path(source) for source in order.sources]
+
+
 def _order_of(store: Store) -> _Order:
     try:
-        order = msgspec.json.decode(store.get(_ORDER_KEY), type=_Order)
+        return msgspec.json.decode(store.get(_ORDER_KEY), type=_Order)
     except (MissingKeyError, msgspec.DecodeError):
         raise WorldError(
             "the world does not tell what it was baked from", store.location, "bake its source into it again"
         ) from None
-    gone = [source for source in order.sources if not Path(source).exists()]
-    if gone:
-        raise WorldError("the source is not there any more", gone[0], "put it back, or bake another copy of it")
-    return order
 
 
 def copy_place(source: Place, target: Place, progress: Progress | None = None) -> dict[str, Any]:

@@ -17,6 +17,7 @@ COMMANDS = (
     "demo",
     "view",
     "bake",
+    "update",
     "serve",
     "info",
     "verify",

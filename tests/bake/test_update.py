@@ -1,0 +1,74 @@
+"""An update gives the bytes of a whole bake, and bakes only what changed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from farfield.bake.options import BakeOptions
+from farfield.cli import main
+from farfield.pipeline import bake_sources, update_place
+from farfield.scene.procedural.objects import ObjectsOptions, make_objects
+from farfield.store.directory import DirectoryStore
+from farfield.world.garbage import drop_garbage
+from farfield.world.manifest import read_manifest
+
+OPTIONS = BakeOptions(leaf_size=8.0, resolution=32, directions="5", workers=1)
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    """What readers see of a world: no notes of the bake, no generation."""
+    store = DirectoryStore(place)
+    found = {key: store.get(key) for key in store.list() if not key.startswith("record/")}
+    return found | {"world.json": found["world.json"].replace(b'"generation": 2', b'"generation": 1')}
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """Some objects."""
+    return make_objects(tmp_path / "scene", ObjectsOptions(count=24, triangles=300, kinds=3)).path
+
+
+def change(scene: Path, remove: bool) -> None:
+    """One object moves; the last of another kind goes."""
+    table = np.load(scene.parent / "objects-0.npy")
+    table[2, :3] += [3.0, -2.0, 1.0]
+    np.save(scene.parent / "objects-0.npy", table)
+    if remove:
+        last = np.load(scene.parent / "objects-2.npy")
+        np.save(scene.parent / "objects-2.npy", last[:-1])
+
+
+def test_the_bytes_are_those_of_a_whole_bake(scene: Path, tmp_path: Path) -> None:
+    place = tmp_path / "world"
+    bake_sources([scene], place, OPTIONS)
+    before = read_manifest(DirectoryStore(place))
+    change(scene, remove=True)
+    facts = update_place(place, [scene], workers=1)
+    assert 0 < facts["cells_rebuilt"] < facts["cells"] / 2
+    assert facts["generation"] == before.generation + 1
+    whole = tmp_path / "whole"
+    corner = before.grid.corner
+    bake_sources([scene], whole, BakeOptions(leaf_size=8.0, resolution=32, directions="5", workers=1, corner=corner))
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)
+
+
+def test_without_a_change_nothing_is_baked(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "world"
+    bake_sources([scene], place, OPTIONS)
+    assert main(["update", str(place), str(scene), "--workers", "1", "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert (facts["cells_rebuilt"], facts["generation"]) == (0, 1)
+
+
+def test_a_world_in_another_crs_is_refused(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "world"
+    bake_sources([scene], place, OPTIONS)
+    text = scene.read_text()
+    scene.write_text('crs = "EPSG:6677"\n' + text)
+    assert main(["update", str(place), str(scene)]) == 1
+    assert "the source has CRS EPSG:6677, the world None" in capsys.readouterr().err
