@@ -24,6 +24,7 @@ from farfield.view.renderer import RenderOptions, render_world
 from farfield.view.shading import Light
 from farfield.world.verification import verify_world
 from farfield.world.world import World
+from storage import orthoview_storage
 
 ROOT = Path(__file__).parents[1]
 DATA = Path(os.environ.get("FARFIELD_SHARED_DATA", ROOT.parent / "shared/data"))
@@ -60,10 +61,9 @@ def _bake(source: Path, place: Path, layers: int, options: tuple[str, ...]) -> d
         ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=log, check=True)
     facts = json.loads(ended.stdout)
     world = World.open(open_store(place))
-    orthoviews = sum(size for entry in world.cells() for _, _, size in entry.tiles)
     return {
         **{name: facts[name] for name in ("triangles", "seconds", "cells", "tiles", "bytes", "peak_rss_bytes")},
-        "orthoview_bytes": orthoviews,
+        **orthoview_storage(world),
         "bad": len(verify_world(world).faults),
         "pictures": [_picture(world, place, name) for name in VIEWS],
     }
