@@ -21,9 +21,13 @@ def bake_sources(
 ) -> dict[str, Any]:
     """Reads `sources`, bakes them into the folder `output` with the viewer beside; the facts of `bake --json`.
 
-    Raises InputError, OptionError, NotAWorldError (the folder holds something else) or StoreError.
+    Raises InputError, OptionError, WorldError (NotAWorldError: the folder holds something else; ClusterError: the
+    scheduler or its workers fail) or StoreError.
     """
     progress = progress or NoProgress()
+    if options is not None and options.scheduler:
+        # The workers have current folders of their own.
+        sources = [source.absolute() for source in sources]
     store = open_store(output, create=True)
     scene = read_scene(sources)
     result = bake(scene, store, options, progress)
