@@ -54,7 +54,7 @@ class DirectoryStore:
 
     def __reduce__(self) -> tuple[type[DirectoryStore], tuple[str]]:
         """In another process it is the same folder, whatever that one's current folder; links on the way may differ."""
-        return DirectoryStore, (os.path.abspath(self._root),)
+        return type(self), (os.path.abspath(self._root),)
 
     @property
     def location(self) -> str:
