@@ -14,7 +14,7 @@ IDLE_SECONDS = 120
 
 
 class LocalCluster:
-    """One scheduler on a free port and single-threaded workers without nannies: killed, they stay dead."""
+    """One scheduler on a free port and workers without nannies: killed, they stay dead."""
 
     def __init__(self, folder: Path, **environment: str) -> None:
         """folder: for what the processes write; environment: additional variables, for Dask's configuration."""
@@ -34,10 +34,13 @@ class LocalCluster:
             time.sleep(0.05)
         raise TimeoutError("the scheduler did not start")
 
-    def add_worker(self, **environment: str) -> subprocess.Popen[bytes]:
-        """Starts a worker in a current folder of its own."""
+    def add_worker(self, *, threads: int = 1, **environment: str) -> subprocess.Popen[bytes]:
+        """Starts a worker, whose current folder is not the test's; environment: additional variables.
+
+        `first` among them is a folder that Python looks for modules in before all others.
+        """
         ends = ("--death-timeout", f"{IDLE_SECONDS}s", "--local-directory", str(self._folder))
-        self.workers.append(self._start("dask_worker", "--nthreads", "1", "--no-nanny", *ends, **environment))
+        self.workers.append(self._start("dask_worker", "--nthreads", str(threads), "--no-nanny", *ends, **environment))
         return self.workers[-1]
 
     def stop_scheduler(self) -> None:

@@ -22,7 +22,7 @@ from bake.test_bake import SMALL, contents
 from bake.test_interruptions import records
 from farfield.bake import cluster
 from farfield.bake.bake import bake
-from farfield.bake.cluster_worker import TOKEN_KEY, Expected, SceneOnWorker
+from farfield.bake.cluster_worker import TOKEN_KEY, Expected, SceneOnWorker, versions
 from farfield.bake.options import BakeOptions
 from farfield.cli import main
 from farfield.errors import ClusterError, MissingExtraError, OptionError, StoreError
@@ -130,7 +130,7 @@ def test_the_bytes_are_those_of_a_local_bake_and_each_view_is_fetched_at_most_on
 def test_a_worker_killed_in_the_middle_costs_nothing_that_was_finished(
     two: LocalCluster, local: dict[str, bytes], tmp_path: Path
 ) -> None:
-    victim = two.add_worker()
+    victim = two.add_worker(threads=2)
     with distributed.Client(two.address, set_as_default=False) as client:
         client.wait_for_workers(3, timeout=60)
     finished: dict[str, int] = {}
@@ -252,12 +252,14 @@ def test_a_world_or_a_source_that_a_worker_does_not_see(tmp_path: Path, monkeypa
     source = tmp_path / "a.glb"
     source.write_bytes(b"12345")
     with pytest.raises(ClusterError, match="tcp://there:1 does not see this world"):
-        look(store, Expected(b"mine", ()))
+        look(store, Expected(b"mine"))
     store.put(TOKEN_KEY, b"another's")
     with pytest.raises(ClusterError, match="does not see this world"):
-        look(store, Expected(b"mine", ()))
+        look(store, Expected(b"mine"))
     store.put(TOKEN_KEY, b"mine")
     look(store, Expected(b"mine", ((source, 5),)))
+    with pytest.raises(ClusterError, match=r"has numba .* \(here 0.2\)"):
+        look(store, Expected(b"mine", versions=versions() | {"numba": "0.2"}))
     for wrong in ((source, 6), (tmp_path / "b.glb", 5)):
         with pytest.raises(ClusterError, match="does not see this source"):
             look(store, Expected(b"mine", (wrong,)))
@@ -309,7 +311,7 @@ def test_work_that_kills_every_worker(spare: LocalCluster, tmp_path: Path, monke
             bake(one(Deadly(ground(0, 1))), DirectoryStore(tmp_path / "w"), on(spare.address))
     spare.add_worker()
     spare.add_worker()
-    with pytest.raises(ClusterError, match="2 workers were killed at the same branch"):
+    with pytest.raises(ClusterError, match="2 workers died at the same work"):
         bake(one(Deadly(ground(0, 1))), DirectoryStore(tmp_path / "w"), on(spare.address))
 
 

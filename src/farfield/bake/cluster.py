@@ -1,10 +1,11 @@
 """A bake whose work is done by the workers of a Dask.distributed cluster (OV 4.1).
 
-Workers share the store, and each view is read from it at most once: by the worker that composites the cell above,
-and only if it is not the one that made the view. That worker still has it in memory (`bake.kept`), so a cell goes to
-the worker that made most of the bytes below it, while it has time. Tiles are not results that Dask moves: it fetches
-those as soon as it has chosen a worker and again when another one steals the task, and computes lost ones anew.
-Here a lost worker costs the branches in its hands, and of those what they had finished is found in the store.
+The workers share the store. The one that makes a view writes it there and keeps it in memory (`bake.kept`); the cell
+above goes to the worker that made most of what is below it, unless that one is behind and another has nothing to do.
+So a view crosses the network once on its way into the store, and at most once more, when the cell above it is
+composited elsewhere. Views are not results that Dask moves: those it sends as soon as it has chosen a worker, again
+when an idle one takes the task over, and computes afresh when they are lost with their worker. Here a lost worker
+costs the branches in its hands, of which the cells that are finished are found in the store.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 from uuid import uuid4
 
-from distributed import CancelledError, Client, Future, KilledWorker
+from distributed import CancelledError, Client, Future, KilledWorker, WorkerPlugin
 from distributed.comm.core import CommClosedError
 
 from farfield.bake.cell import BakedCell
@@ -33,7 +34,9 @@ from farfield.bake.cluster_worker import (
     JobOnWorker,
     SceneOnWorker,
     bake_there,
+    differences,
     job_name,
+    other_versions,
     survey_there,
     versions,
 )
@@ -49,7 +52,7 @@ from farfield.world.keys import content_hash
 
 T = TypeVar("T")
 
-Arrivals = SimpleQueue[Future[Any]]
+Arrivals: TypeAlias = "SimpleQueue[Future[Any]]"
 """Tasks as they are done."""
 
 CONNECT_WITHIN = 10.0
@@ -80,9 +83,7 @@ def cluster_at(scene: Scene, store: Store, address: str) -> Iterator[Cluster]:
             cluster.hand_out_scene()
             yield cluster
         except KilledWorker as error:
-            what = (
-                f"{error.allowed_failures + 1} workers were killed at the same branch, {error.last_worker.address} last"
-            )
+            what = f"{error.allowed_failures + 1} workers died at the same work, {error.last_worker.address} last"
             hint = "give each worker more memory, or take a smaller --leaf-size; baking again goes on where it was"
             raise ClusterError(what, address, hint) from None
         except (CancelledError, CommClosedError):
@@ -116,7 +117,7 @@ class Cluster:
         self._store.put(TOKEN_KEY, expected.token)
         # Attributes go into the manifest alone and may be large.
         scene = replace(self._scene, attributes={}, warnings=())
-        self._client.register_plugin(SceneOnWorker(scene, self._store, expected), name=self._name)
+        self._hand_out(SceneOnWorker(scene, self._store, expected), self._name)
 
     def survey(self, count: int) -> Iterator[Surveyed]:
         """See `Crew.survey`."""
@@ -133,7 +134,7 @@ class Cluster:
 
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`."""
-        self._client.register_plugin(JobOnWorker(pack_job(job)), name=job_name(self._name))
+        self._hand_out(JobOnWorker(pack_job(job)), job_name(self._name))
 
     def give(self, branch: Branch) -> None:
         """See `Crew.give`. Cells above finished ones go first: what is kept for them is soon free again."""
@@ -180,6 +181,13 @@ class Cluster:
                 made[maker] += sum(size for _, _, size in cell.record.entry.tiles) + cell.record.object_bytes
         return [maker for maker, _ in made.most_common(1)]
 
+    def _hand_out(self, plugin: WorkerPlugin, name: str) -> None:
+        try:
+            self._client.register_plugin(plugin, name=name)
+        except OSError as error:
+            what = f"a worker was lost while it was told what to bake: {error}"
+            raise ClusterError(what, self._address, "bake again") from None
+
     def _expect(self, future: Future[Any], arrived: Arrivals) -> None:
         self._pending.add(future)
         future.add_done_callback(arrived.put)
@@ -205,7 +213,11 @@ class Cluster:
     def _look_for_workers(self) -> None:
         if self._client.status != "running":
             raise CancelledError
-        if self._client.nthreads():
+        try:
+            workers = self._client.nthreads()
+        except OSError:
+            raise CancelledError from None
+        if workers:
             self._alone_since = None
             return
         self._alone_since = self._alone_since or time.monotonic()
@@ -254,24 +266,19 @@ def _worker_command(address: str) -> str:
 
 def _check_versions(client: Client, address: str) -> None:
     """Raises ClusterError when the scheduler or a worker has other versions, or no farfield at all."""
+    found: dict[str, Any] = {}
     try:
-        found = {"the scheduler": client.run_on_scheduler(versions)}
+        found["the scheduler"] = client.run_on_scheduler(versions)
     except Exception as error:
-        found = {"the scheduler": error}
+        found["the scheduler"] = error
     found |= {f"the worker {worker}": each for worker, each in client.run(versions, on_error="return").items()}
-    own = versions()
-    for where, theirs in found.items():
-        if not isinstance(theirs, dict):
-            hint = f"install it there as here: pip install 'farfield[cluster]=={own['farfield']}'"
-            raise ClusterError(f"{where} cannot load farfield: {theirs}", address, hint)
-        other = [
-            f"{name} {theirs.get(name)} (here {version})"
-            for name, version in own.items()
-            if theirs.get(name) != version
-        ]
-        if other:
-            hint = "install the same versions everywhere, or the bytes could differ"
-            raise ClusterError(f"{where} has {', '.join(other)}", address, hint)
+    here = versions()
+    for who, theirs in found.items():
+        if isinstance(theirs, Exception):
+            hint = f"install it there as here: pip install 'farfield[cluster]=={here['farfield']}'"
+            raise ClusterError(f"{who} cannot load farfield: {theirs}", address, hint)
+        if other := differences(theirs, here):
+            raise other_versions(who, other)
 
 
 def _files(scene: Scene) -> tuple[tuple[Path, int], ...]:

@@ -9,7 +9,7 @@ import asyncio
 import sys
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 
@@ -47,14 +47,26 @@ def _version(package: str) -> str:
         return "none"
 
 
+def differences(theirs: dict[str, str], here: dict[str, str]) -> str:
+    """How the `versions` of another machine differ from those here; empty: in nothing."""
+    return ", ".join(f"{name} {theirs.get(name)} (here {own})" for name, own in here.items() if theirs.get(name) != own)
+
+
+def other_versions(who: str, differences: str) -> ClusterError:
+    """What is raised about them."""
+    hint = "install the same versions everywhere, or the bytes could differ"
+    return ClusterError(f"{who} has {differences}", "", hint)
+
+
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the client sees of the shared storage, and every worker must see too."""
+    """What the client has and sees, and every worker must have and see too."""
 
     token: bytes
-    """Value of TOKEN_KEY."""
-    files: tuple[tuple[Path, int], ...]
+    """Value of TOKEN_KEY in the store."""
+    files: tuple[tuple[Path, int], ...] = ()
     """Source files and their bytes."""
+    versions: dict[str, str] = field(default_factory=versions)
 
 
 class SceneOnWorker(WorkerPlugin):
@@ -66,7 +78,8 @@ class SceneOnWorker(WorkerPlugin):
         self._expected = expected
 
     async def setup(self, worker: DaskWorker) -> None:
-        """Looks whether store and sources are here. Raises ClusterError, and StoreError from the store."""
+        """Looks whether versions, store and sources are as expected. Raises ClusterError; StoreError from the store."""
+        # Here and not in __init__, which runs on the client: a lock cannot be sent.
         self._lock = threading.Lock()
         self._threads: dict[int, Worker] = {}
         self._job: BakeJob | None = None
@@ -88,8 +101,11 @@ class SceneOnWorker(WorkerPlugin):
         """The `Worker` of this thread."""
         if self._problem is not None:
             raise self._problem
+        thread = threading.get_ident()
         with self._lock:
-            return self._threads.setdefault(threading.get_ident(), Worker(self._scene, self._store))
+            if thread not in self._threads:
+                self._threads[thread] = Worker(self._scene, self._store)
+            return self._threads[thread]
 
     def job(self, packed: bytes) -> BakeJob:
         """The job, which the threads share."""
@@ -98,6 +114,8 @@ class SceneOnWorker(WorkerPlugin):
             return self._job
 
     def _look(self, address: str) -> None:
+        if other := differences(versions(), self._expected.versions):
+            raise other_versions(f"the worker {address}", other)
         deadline = time.monotonic() + SEEN_WITHIN
         while not self._sees_token():
             if time.monotonic() > deadline:
