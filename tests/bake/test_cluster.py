@@ -6,6 +6,7 @@ import asyncio
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections import Counter
@@ -276,6 +277,34 @@ class Elsewhere(DirectoryStore):
 def test_what_a_worker_does_not_see_is_one_error_of_the_bake(two: LocalCluster, tmp_path: Path) -> None:
     with pytest.raises(ClusterError, match="does not see this world"):
         bake(village(), Elsewhere(tmp_path / "w"), on(two.address))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("signalled", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_a_command_that_is_ended_can_be_given_again(
+    two: LocalCluster, tmp_path: Path, signalled: signal.Signals, code: int
+) -> None:
+    world = tmp_path / "world"
+    scene = make_objects(tmp_path / "objects", ObjectsOptions(count=12, triangles=2000)).path
+    words = ["--leaf-size", "8", "--resolution", "32", "--directions", "5"]
+    line = [sys.executable, "-m", "farfield", "bake", str(scene), *words]
+    on_cluster = [*line, "-o", str(world), "--scheduler", two.address]
+    with open(tmp_path / "errors", "w") as errors, subprocess.Popen(on_cluster, stderr=errors) as command:
+        while len(records(world)) < 20 and command.poll() is None:
+            time.sleep(0.02)
+        command.send_signal(signalled)
+        assert command.wait(timeout=30) == code
+    kept = records(world)
+    kept.pop(str(world / TOKEN_KEY), None)
+    subprocess.run(on_cluster, check=True, capture_output=True)
+    after = records(world)
+    assert {name: after[name] for name in kept} == kept
+    subprocess.run([*line, "-o", str(tmp_path / "here")], check=True, capture_output=True)
+    assert contents(DirectoryStore(world)) == contents(DirectoryStore(tmp_path / "here"))
+    with distributed.Client(two.address, set_as_default=False) as client:
+        assert _left_behind(client) == []
+    if signalled == signal.SIGINT:
+        assert (tmp_path / "errors").read_text().splitlines()[-1] == "farfield: interrupted"
 
 
 @pytest.mark.slow

@@ -261,7 +261,7 @@ def _connected(address: str) -> Iterator[Client]:
 
 
 def _worker_command(address: str) -> str:
-    return f"dask worker {address} --nthreads 1 --nworkers auto"
+    return f"dask worker {address} --nthreads 1 --nworkers -1"
 
 
 def _check_versions(client: Client, address: str) -> None:
