@@ -39,7 +39,7 @@ class LocalCluster:
 
         `first` among them is a folder that Python looks for modules in before all others.
         """
-        ends = ("--death-timeout", f"{IDLE_SECONDS}s", "--local-directory", str(self._folder))
+        ends = ("--death-timeout", f"{IDLE_SECONDS}s")
         self.workers.append(self._start("dask_worker", "--nthreads", str(threads), "--no-nanny", *ends, **environment))
         return self.workers[-1]
 
@@ -63,7 +63,10 @@ class LocalCluster:
         return subprocess.Popen(
             [*line, "--scheduler-file", str(self._file), *arguments],
             cwd=self._folder,
-            env=os.environ | self._environment | environment | {"PYTHONPATH": path},
+            env=os.environ
+            | {"DASK_TEMPORARY_DIRECTORY": str(self._folder), "PYTHONPATH": path}
+            | self._environment
+            | environment,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
