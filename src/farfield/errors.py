@@ -10,7 +10,8 @@ FarfieldError
 │   ├── CorruptTileError  one tile cannot be read: the rest of the world still can; `farfield verify`
 │   └── ClusterError      the machines that bake it fail: start or mend them, and bake again
 ├── StoreError            the storage failed: disk full, no permission, server away
-│   └── MissingKeyError   nothing is stored under that key: take another, or go without
+│   ├── MissingKeyError   nothing is stored under that key: take another, or go without
+│   └── DamagedValueError a value is not what was stored (a CorruptTileError too): the others can still be read
 └── ServeError            the server cannot start: port in use
 """
 
@@ -81,6 +82,10 @@ class StoreError(FarfieldError):
 
 class MissingKeyError(StoreError):
     """Nothing is stored under a key; `where` is the store and the key."""
+
+
+class DamagedValueError(StoreError, CorruptTileError):
+    """A store gives other bytes than were put into it. Whoever can do without one tile can do without this one."""
 
 
 class ServeError(FarfieldError):

@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import resource
 import sys
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
+from farfield.bake.repair import forget
+from farfield.errors import MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.read import read_scene
 from farfield.serve.viewer_files import install_viewer
-from farfield.store.opening import open_store
+from farfield.store import Store
+from farfield.store.archive.writer import writing_archive
+from farfield.store.opening import Place, is_archive, is_url, open_store
+from farfield.world.copying import Copied, copy_world
+from farfield.world.targets import ArchiveTarget, StoreTarget
+from farfield.world.verification import Verification, verify_world
+from farfield.world.world import World
 
 
 def bake_sources(
-    sources: Sequence[Path], output: Path, options: BakeOptions | None = None, progress: Progress | None = None
+    sources: Sequence[Path], output: Place, options: BakeOptions | None = None, progress: Progress | None = None
 ) -> dict[str, Any]:
-    """Reads `sources`, bakes them into the folder `output` with the viewer beside; the facts of `bake --json`.
+    """Reads `sources`, bakes them into the folder or bucket `output`, the viewer beside; the facts of `bake --json`.
 
     Raises InputError, OptionError, WorldError (NotAWorldError: the folder holds something else; ClusterError: the
     scheduler or its workers fail) or StoreError.
@@ -30,6 +42,8 @@ def bake_sources(
         sources = [source.absolute() for source in sources]
     store = open_store(output, create=True)
     scene = read_scene(sources)
+    options = options or BakeOptions()
+    _remember(store, sources, options)
     result = bake(scene, store, options, progress)
     install_viewer(store)
     statistics = result.manifest.statistics
@@ -49,6 +63,98 @@ def bake_sources(
         "source_bytes": statistics.source_bytes,
         "peak_rss_bytes": peak_rss_bytes(),
     }
+
+
+class _Order(msgspec.Struct, frozen=True):
+    """What a world was last baked from, so that it can be repaired; it stays beside the notes about its cells."""
+
+    sources: tuple[str, ...]
+    options: BakeOptions
+
+
+_ORDER_KEY = "record/order.json"
+
+
+def _remember(store: Store, sources: Sequence[Path], options: BakeOptions) -> None:
+    # Who does the work is of no matter for the world, and a cluster may be gone when it is repaired.
+    anywhere = replace(options, workers=0, scheduler="")
+    order = _Order(tuple(str(Path(source).resolve()) for source in sources), anywhere)
+    store.put(_ORDER_KEY, msgspec.json.encode(order))
+
+
+def verify_place(place: Place, repair: bool = False, progress: Progress | None = None) -> Verification:
+    """Checks a world; with `repair`, what is bad is baked again from the source that the world was baked from.
+
+    Raises WorldError: something is bad and the source is not known or not there any more; and as `open_store`,
+    `World.open` and `bake_sources` do.
+    """
+    progress = progress or NoProgress()
+    store = open_store(place)
+    found = verify_world(World.open(store), progress)
+    # What a damaged index tile hid is found when it is whole again.
+    for _ in range(_REPAIRS if repair else 0):
+        if not found.faults:
+            break
+        order = _order_of(store)
+        progress.note(f"{len(found.faults):,} bad; baking them again from {', '.join(order.sources)}")
+        with store.writing():
+            forget(World.open(store), [fault.key for fault in found.faults])
+        bake_sources([Path(source) for source in order.sources], place, order.options, progress)
+        found = verify_world(World.open(store), progress)
+    return found
+
+
+_REPAIRS = 3
+
+
+def _order_of(store: Store) -> _Order:
+    try:
+        order = msgspec.json.decode(store.get(_ORDER_KEY), type=_Order)
+    except (MissingKeyError, msgspec.DecodeError):
+        raise WorldError(
+            "the world does not tell what it was baked from", store.location, "bake its source into it again"
+        ) from None
+    gone = [source for source in order.sources if not Path(source).exists()]
+    if gone:
+        raise WorldError("the source is not there any more", gone[0], "put it back, or bake another copy of it")
+    return order
+
+
+def copy_place(source: Place, target: Place, progress: Progress | None = None) -> dict[str, Any]:
+    """Copies a world between any two of folder, archive and bucket; the facts of `copy --json`.
+
+    The viewer goes along, but into an archive. Raises OptionError: both are the same place; and as `open_store` and
+    `copy_world` do.
+    """
+    if _same_place(source, target):
+        raise OptionError("source and target are the same place", str(target), "name another target")
+    begun = time.perf_counter()
+    copied = _copy_to(open_store(source), target, progress or NoProgress())
+    return {
+        "world": str(target),
+        "bytes": copied.bytes,
+        "keys": copied.keys,
+        "skipped": copied.skipped,
+        "seconds": round(time.perf_counter() - begun, 3),
+        "peak_rss_bytes": peak_rss_bytes(),
+    }
+
+
+def _copy_to(world: Store, target: Place, progress: Progress) -> Copied:
+    if is_archive(target):
+        with writing_archive(target) as writer:
+            return copy_world(world, ArchiveTarget(writer), progress)
+    store = open_store(target, create=True)
+    with store.writing():
+        copied = copy_world(world, StoreTarget(store), progress)
+        install_viewer(store)
+    return copied
+
+
+def _same_place(a: Place, b: Place) -> bool:
+    if is_url(a) or is_url(b):
+        return str(a).rstrip("/") == str(b).rstrip("/")
+    return Path(a).resolve() == Path(b).resolve()
 
 
 def peak_rss_bytes() -> int:

@@ -185,3 +185,30 @@ def test_keys_order_like_depth_and_triangle(z: float, y: float, a: int, b: int) 
     one, other = key_of(np.float32(z), a), key_of(np.float32(y), b)
     assert (one < other) == ((z, a) < (y, b))
     assert depth_of(one) == np.float32(z)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([3.0, 12.0, 25.0]))
+def test_a_mask_cuts_out_the_texels_it_should(seed: int, extent: float) -> None:
+    """One triangle of an orthographic view: what is drawn of it are the samples whose texel is kept."""
+    generator = np.random.default_rng(seed)
+    pixels = generator.integers(0, 256, (5, 12, 4), dtype=np.uint8)
+    size = (40, 50)
+    screen, surface = soup(seed, 1, extent, size[1], size[0])
+    screen[:, 3] = 1.0
+    surface = surface._replace(materials=np.zeros_like(surface.materials))
+    table = masked(pixels)
+    _, solid = visibility(screen, surface, PLAIN.arrays, size, UNLIMITED)
+    rows, columns = np.nonzero(solid != NOTHING)
+    corners = surface.triangles[0]
+    a, b, c = screen[corners, :2].astype(np.float64)
+    points = np.stack([columns + 0.5, rows + 0.5], -1)
+    weights = np.linalg.solve(np.array([b - a, c - a]).T, (points - a).T).T if len(points) else np.zeros((0, 2))
+    uvs = surface.uvs[corners].astype(np.float64)
+    texel = (uvs[0] + weights @ (uvs[1:] - uvs[0])) * [12, 5]
+    clear = (np.abs(texel - np.round(texel)) > 1e-3).all(1)
+    whole = np.floor(texel).astype(int)
+    kept = pixels[whole[:, 1] % 5, whole[:, 0] % 12, 3] * np.float32(1 / 255) >= table.cutoff[0]
+    for draw in (visibility, keyed):
+        drawn = draw(screen, surface, table, size, UNLIMITED)[1][rows, columns] != NOTHING
+        assert np.array_equal(drawn[clear], kept[clear])

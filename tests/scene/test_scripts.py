@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,23 +26,47 @@ def script(name: str) -> ModuleType:
     assert specification is not None
     assert specification.loader is not None
     module = importlib.util.module_from_spec(specification)
+    sys.modules[specification.name] = module  # Dataclasses look their own module up.
     specification.loader.exec_module(module)
     return module
 
 
+BUILDINGS = [
+    [[(0, 0), (200, 0), (200, 200), (0, 200)], [(50, 50), (50, 90), (90, 90), (90, 50)]],
+    [[(1000, 1000), (1100, 1000), (1000, 1200)]],
+    [[(-40, 0), (-10, 0), (-10, 30)], [(400, 0), (500, 0), (500, 100), (400, 100)], [(410, 10), (430, 30), (430, 10)],
+     [(450, 50), (460, 60), (460, 50)], [(600, 0), (601, 0), (601, 1)]],
+]  # fmt: skip
+"""Rings of decimetres: a square with a hole, a triangle, and three parts of which the second has two holes."""
+HOLES = [[0, 1], [0], [0, 0, 1, 1, 0]]
+
+
 def archive(path: Path) -> Path:
-    """Two buildings in decimetre differences: a square with a hole, and a triangle."""
-    rings = [[(0, 0), (200, 0), (200, 200), (0, 200)], [(50, 50), (50, 90), (90, 90), (90, 50)],
-             [(1000, 1000), (1100, 1000), (1000, 1200)]]  # fmt: skip
+    """The buildings as differences."""
+    rings = [ring for building in BUILDINGS for ring in building]
     steps = np.concatenate([np.diff(ring, axis=0) for ring in rings]).astype(np.int16)
     np.savez(
-        path, ring_size=np.array([4, 4, 3], np.uint16), ring_is_hole=np.array([0, 1, 0], np.uint8),
+        path, ring_size=np.array([len(ring) for ring in rings], np.uint16),
+        ring_is_hole=np.concatenate(HOLES).astype(np.uint8),
         anchor_x=np.array([ring[0][0] for ring in rings], np.int32), delta_x=steps[:, 0],
         anchor_y=np.array([ring[0][1] for ring in rings], np.int32), delta_y=steps[:, 1],
-        building_rings=np.array([2, 1], np.uint16), height_dm=np.array([123, 45], np.uint16),
-        origin_m=np.array([-6000, -35000]),
+        building_rings=np.array([len(building) for building in BUILDINGS], np.uint16),
+        height_dm=np.array([123, 45, 67], np.uint16), origin_m=np.array([-6000, -35000]),
     )  # fmt: skip
     return path
+
+
+def plain_shape(rings: list[Any], holes: list[int]) -> shapely.Geometry:
+    """The slow twin of Archive.shapes."""
+    polygons: list[tuple[Any, list[Any]]] = []
+    for ring, hole in zip(rings, holes, strict=True):
+        points = np.round(np.array(ring) * 0.1 + (-6000, -35000), 1)
+        if hole:
+            polygons[-1][1].append(points)
+        else:
+            polygons.append((points, []))
+    parts = [shapely.Polygon(outer, inner) for outer, inner in polygons]
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
 
 
 def test_archive_to_flatgeobuf_to_scene(tmp_path: Path) -> None:
@@ -50,11 +75,31 @@ def test_archive_to_flatgeobuf_to_scene(tmp_path: Path) -> None:
     subprocess.run(command, check=True, capture_output=True)
     scene = read_scene([tmp_path / "a.fgb"])
     assert scene.crs == "EPSG:6677"
-    np.testing.assert_allclose(np.sort(scene.attributes["height"]), [4.5, 12.3], rtol=1e-6)
+    np.testing.assert_allclose(np.sort(scene.attributes["height"]), [4.5, 6.7, 12.3], rtol=1e-6)
     shapes, heights = script("scripts/convert_tokyo.py").read_archive(source, (-1, -1, 50, 50))
     assert heights.tolist() == [12.3]
     assert shapely.area(shapes).tolist() == pytest.approx([400 - 16])
     assert shapely.bounds(shapes)[0].tolist() == [-6000, -35000, -5980, -34980]
+
+
+def test_archives_are_unpacked_as_one_building_after_another_would_be(tmp_path: Path) -> None:
+    converter = script("scripts/convert_tokyo.py")
+    packed = converter.open_archive(archive(tmp_path / "a.npz"))
+    expected = np.array([plain_shape(*building) for building in zip(BUILDINGS, HOLES, strict=True)])
+    assert shapely.equals_identical(packed.shapes(np.arange(3)), expected).all()
+    assert shapely.equals_identical(packed.shapes(np.array([2, 0])), expected[[2, 0]]).all()
+    assert packed.inside((-10, -10, 1, 1)).tolist() == [0, 2]
+    assert [packed.kind(np.array(rows)) for rows in ([0, 1], [0, 1, 2])] == ["Polygon", "MultiPolygon"]
+
+
+def test_batches_convert_to_the_same_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    converter = script("scripts/convert_tokyo.py")
+    source = archive(tmp_path / "a.npz")
+    converter.write_flatgeobuf(tmp_path / "b.fgb", *converter.read_archive(source))
+    expected = (tmp_path / "b.fgb").read_bytes()
+    monkeypatch.setattr(converter, "BATCH", 1)
+    assert converter.convert(source, tmp_path / "b.fgb", None) == 3
+    assert (tmp_path / "b.fgb").read_bytes() == expected
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,17 @@ from pathlib import Path
 import pytest
 
 from farfield.errors import MissingKeyError, OptionError, StoreError
-from farfield.store import DirectoryStore, LatencyStore, MemoryStore, Store, is_key
+from farfield.store import BucketStore, CachedStore, DirectoryStore, LatencyStore, MemoryStore, Store, is_key
+from store.archives import ArchiveOnDemand
 
 KINDS: dict[str, Callable[[Path], Store]] = {
     "directory": DirectoryStore,
     "memory": lambda _: MemoryStore(),
     "latency": lambda _: LatencyStore(MemoryStore(), 0.0001),
+    "cached": lambda _: CachedStore(MemoryStore(), frozenset({"world.json"}), 1000),
+    "archive": ArchiveOnDemand,
 }
+"""Kind → how one is made; a bucket besides, which needs a server."""
 
 TILE = "orthoview/3/-1/0/-12/17/0-9f86d081884c7d65"
 
@@ -43,9 +47,17 @@ BAD_KEYS = [
 ]
 
 
-@pytest.fixture(params=KINDS)
+@pytest.fixture(params=[*KINDS, "bucket"])
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
+    if request.param == "bucket":
+        return BucketStore(request.getfixturevalue("new_bucket")() + "/some/world")
     return KINDS[request.param](tmp_path / "world")
+
+
+def _needs(store: Store, *unfit: type) -> None:
+    """Skips kinds of stores that a test is not about."""
+    if isinstance(store, unfit):
+        pytest.skip("the contract excepts it")
 
 
 def test_a_value_comes_back_as_it_was_put(store: Store) -> None:
@@ -85,6 +97,7 @@ def test_a_folder_of_keys_is_no_value(store: Store) -> None:
 
 
 def test_a_key_is_never_both_a_value_and_a_folder(store: Store) -> None:
+    _needs(store, BucketStore, ArchiveOnDemand)
     store.put("a/b", b"1")
     for key in ("a", "a/b/c", "a/b/c/d"):
         with pytest.raises(StoreError, match="folder of other keys"):
@@ -154,6 +167,7 @@ def test_every_kind_of_key_of_the_format_is_one() -> None:
 
 def test_a_reader_beside_a_writer_sees_whole_values(store: Store) -> None:
     """Values of one repeated byte each: a mixture or a wrong length would show a torn write."""
+    _needs(store, ArchiveOnDemand)
     store.put(TILE, bytes([0]) * 20_000)
     done = threading.Event()
     torn: list[bytes] = []
@@ -176,6 +190,7 @@ def test_a_reader_beside_a_writer_sees_whole_values(store: Store) -> None:
 
 
 def test_writers_and_removers_of_one_folder_do_not_disturb_each_other(store: Store) -> None:
+    _needs(store, ArchiveOnDemand)
     failures: list[BaseException] = []
 
     def work(name: str) -> None:
@@ -197,6 +212,7 @@ def test_writers_and_removers_of_one_folder_do_not_disturb_each_other(store: Sto
 
 
 def test_one_writer_at_a_time(store: Store) -> None:
+    _needs(store, BucketStore)
     with store.writing():
         store.put("a", b"1")
         with pytest.raises(StoreError, match="another process is writing"), store.writing():

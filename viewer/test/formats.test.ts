@@ -10,7 +10,7 @@ const MANIFEST = {
   bounds: [[0, 0, 0], [8, 8, 2]],
   grid: { leaf_size: 4, resolution: 64, corner: [-1, -1, -1], axis_levels: [2, 2, 0] },
   directions: [{ number: 22, vector: [0, 0, 1] }],
-  depth_layers: 2, index_depth: 4, roots: [{ key: "2/0/0/0", hash: "aa" }], credits: ["someone"],
+  depth_layers: 2, index_depth: 4, roots: [{ key: "2/0/0/0", hash: "00000000000000aa" }], credits: ["someone"],
 };
 
 describe("decodeManifest", () => {
@@ -82,7 +82,7 @@ describe("the address and the camera", () => {
 
 it("the core's public names are these", () => {
   expect(Object.keys(core).sort()).toEqual([
-    "Cell", "FarfieldError", "Fetcher", "Grid", "PRINCIPAL", "SharedMeshes", "axesOf", "cut", "decodeIndexTile",
+    "ArchiveFetcher", "Cell", "FarfieldError", "Fetcher", "Grid", "PRINCIPAL", "SharedMeshes", "axesOf", "cut", "decodeIndexTile",
     "decodeManifest", "decodeTile", "formatKey", "nearRadius", "parseKey", "viewBin",
   ]);
 });

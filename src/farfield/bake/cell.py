@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import msgspec
 
-from farfield.errors import MissingKeyError
+from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey
 from farfield.store.contract import Store
 from farfield.world.index import CellEntry
 from farfield.world.keys import objects_key, orthoview_key, record_key
+from farfield.world.limits import DAMAGE, Count
 
 Tiles = dict[tuple[int, int], bytes]
 """(direction, layer) -> encoded tile."""
@@ -23,9 +24,9 @@ class Record(msgspec.Struct, frozen=True):
     input: str
     """Hash of everything that the cell was made from."""
     entry: CellEntry
-    triangles: int = 0
+    triangles: Count = 0
     """Source triangles drawn in the leaf, pieces counted."""
-    object_bytes: int = 0
+    object_bytes: Count = 0
     """Bytes of its object id tiles."""
 
 
@@ -116,12 +117,26 @@ class BakedCell:
 
 
 def read_record(store: Store, key: CellKey, input_hash: str) -> Record | None:
-    """The record of a cell made from the same input, or None."""
+    """The record of a cell made from the same input, or None: then the cell is baked anew."""
     try:
-        record = msgspec.json.decode(store.get(record_key(key)), type=Record)
-    except (MissingKeyError, msgspec.DecodeError):
+        record = decode_record(store.get(record_key(key)), key)
+    except (MissingKeyError, CorruptTileError):
         return None
     return record if record.input == input_hash else None
+
+
+def decode_record(data: bytes, key: CellKey) -> Record:
+    """Reads the record of a cell; allocates at most 32 bytes for each byte of it.
+
+    Raises CorruptTileError when it is none, or of another cell.
+    """
+    try:
+        record = msgspec.json.decode(data, type=Record)
+    except DAMAGE as error:
+        raise CorruptTileError(f"record is damaged: {error}", record_key(key)) from None
+    if record.entry.key != str(key):
+        raise CorruptTileError(f"record of another cell, {record.entry.key[:80]!r}", record_key(key))
+    return record
 
 
 def write_record(store: Store, key: CellKey, record: Record) -> None:

@@ -120,7 +120,7 @@ class SceneOnWorker(WorkerPlugin):
         while not self._sees_token():
             if time.monotonic() > deadline:
                 what = f"the worker {address} does not see this world"
-                hint = "bake into a folder that all machines share under the same path"
+                hint = "bake into a bucket, or a folder that all machines share under the same path"
                 raise ClusterError(what, self._store.location, hint)
             time.sleep(0.2)
         for path, size in self._expected.files:

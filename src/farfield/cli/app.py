@@ -20,6 +20,8 @@ COMMANDS = (
     "serve",
     "info",
     "verify",
+    "copy",
+    "gc",
     "render",
     "compare",
     "coverage",

@@ -14,7 +14,10 @@ from farfield.cli.progress import shown_progress
 SourcesArgument = Annotated[
     list[Path], typer.Argument(metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, scene.toml.")
 ]
-WorldOption = Annotated[Path, typer.Option("-o", "--output", metavar="WORLD", help="Folder of the world to make.")]
+WorldOption = Annotated[
+    str,
+    typer.Option("-o", "--output", metavar="WORLD", help="Folder, or URL s3://, gs://, az://, of the world to make."),
+]
 LeafSizeOption = Annotated[
     float | None,
     typer.Option(metavar="M", help="Edge of a leaf cell, metres; default: at most 2,000 occupied leaves."),
@@ -75,7 +78,7 @@ def _wants_geometry(represent: str) -> bool:
     return "geometry" in names
 
 
-def _summary(facts: dict[str, Any], output: Path) -> str:
+def _summary(facts: dict[str, Any], output: str) -> str:
     return (
         f"{output}: {facts['triangles']:,} triangles in {in_time(facts['seconds'])} "
         f"({facts['triangles_per_second']:,.0f}/s), {facts['cells']:,} cells in {facts['levels']} levels, "

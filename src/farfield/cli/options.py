@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,7 +11,9 @@ from farfield.errors import OptionError
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
-WorldArgument = Annotated[Path, typer.Argument(metavar="WORLD", help="Folder of a baked world.")]
+WorldArgument = Annotated[
+    str, typer.Argument(metavar="WORLD", help="A baked world: folder, .farfield archive, or URL s3://, gs://, az://.")
+]
 
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on; 0.0.0.0 for every one.")]
 

@@ -22,7 +22,7 @@ SAMPLES_OF_SOURCES = 64
 """Samples a pixel: 16 of a true picture still carry noise of their own."""
 
 PlaceArgument = Annotated[
-    Path, typer.Argument(metavar="WORLD|SOURCE", help="Folder of a world, or a file that bake would read.")
+    str, typer.Argument(metavar="WORLD|SOURCE", help="A baked world, or a file that bake would read.")
 ]
 EyeOption = Annotated[str, typer.Option(metavar="X,Y,Z", help="Where the camera is, local metres.")]
 TargetOption = Annotated[str, typer.Option(metavar="X,Y,Z", help="What it looks at.")]
@@ -35,7 +35,7 @@ NearOption = Annotated[
 ]
 FarOnlyOption = Annotated[bool, typer.Option("--far-only", help="Leave out what is within the near radius.")]
 CellsOption = Annotated[
-    Path | None, typer.Option(metavar="WORLD", help="For a source with --far-only: whose leaves are left out.")
+    str | None, typer.Option(metavar="WORLD", help="For a source with --far-only: whose leaves are left out.")
 ]
 SamplesOption = Annotated[
     int | None, typer.Option(metavar="N", help="Samples a pixel, a square number; default 16, of a source 64.")
@@ -77,7 +77,7 @@ def command(
     camera = _camera(eye, target, fov, width_height)
     azimuth, elevation = numbers(sun, 2, "--sun")
     light = Light(azimuth=azimuth, elevation=elevation)
-    if (place / "world.json").exists():
+    if _is_world(place):
         picture = _of_world(
             place, camera, width_height, light, _grid(samples or SAMPLES_OF_WORLDS), wanted,
             views=views, layers=depth_layers, bias=bias, near_radius=near_radius, far_only=far_only,
@@ -87,6 +87,12 @@ def command(
         picture = _of_source(place, camera, width_height, light, _grid(samples or SAMPLES_OF_SOURCES), wanted, left_out)
     files = picture.save(output, None if transparent else light.sky_linear, wanted)
     report(_facts(picture, files), as_json=as_json, text=_text(picture, files))
+
+
+def _is_world(place: str) -> bool:
+    from farfield.store.opening import is_archive, is_url
+
+    return is_url(place) or is_archive(place) or (Path(place) / "world.json").exists()
 
 
 def _layers(text: str) -> tuple[str, ...]:
@@ -120,7 +126,7 @@ def _grid(samples: int) -> int:
 
 
 def _of_world(
-    place: Path,
+    place: str,
     camera: Camera,
     width_height: tuple[int, int],
     light: Light,
@@ -139,7 +145,7 @@ def _of_world(
 
 
 def _of_source(
-    place: Path,
+    place: str,
     camera: Camera,
     width_height: tuple[int, int],
     light: Light,
@@ -151,11 +157,11 @@ def _of_source(
     from farfield.view.truth import TruthOptions, draw_truth
 
     options = TruthOptions(supersampling, light, left_out, normals="normal" in written, ids="id" in written)
-    return draw_truth(read_scene([place]), camera, width_height, options)
+    return draw_truth(read_scene([Path(place)]), camera, width_height, options)
 
 
 def _left_out(
-    cells_from: Path | None, camera: Camera, width_height: tuple[int, int], near_radius: float | None
+    cells_from: str | None, camera: Camera, width_height: tuple[int, int], near_radius: float | None
 ) -> LeftOut:
     """The leaves of a world that its own far field would leave out."""
     from farfield.errors import OptionError

@@ -22,13 +22,16 @@ class ServeRequest:
     as_json: bool
 
 
-def serve_world(place: Path, request: ServeRequest) -> None:
+def serve_world(place: str | Path, request: ServeRequest) -> None:
     """Serve the world at `place` until interrupted; says the URL on stdout. Raises FarfieldError."""
     from farfield.serve.run import ServeOptions, serve
-    from farfield.store import open_store
-    from farfield.world.manifest import read_manifest
+    from farfield.store import BucketStore, CachedStore, open_store
+    from farfield.world.manifest import KEY, read_manifest
 
     store = open_store(place)
+    if isinstance(store, BucketStore):
+        # A browser's request for a tile is then one request to the bucket, not one for each of its size and parts.
+        store = CachedStore(store, frozenset({KEY}))
     # Only the manifest: whatever reads tiles loads the kernels, 2 s that a server has no need of.
     read_manifest(store)
     options = ServeOptions(request.host, request.port, request.bandwidth, request.open_browser)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
 from farfield.cli.options import JsonOption, WorldArgument
@@ -12,14 +14,15 @@ SHOWN = 20
 """Faults listed for people; JSON has them all."""
 
 
-def command(world: WorldArgument, as_json: JsonOption = False) -> None:
-    """Check every tile of WORLD; exit code 1 when something is bad."""
-    from farfield.store import open_store
-    from farfield.world.verification import verify_world
-    from farfield.world.world import World
+RepairOption = Annotated[bool, typer.Option("--repair", help="Bake what is bad again, from the source of WORLD.")]
+
+
+def command(world: WorldArgument, repair: RepairOption = False, as_json: JsonOption = False) -> None:
+    """Check every tile of WORLD; exit code 1 when something is bad, and stays so."""
+    from farfield.pipeline import verify_place
 
     with shown_progress() as progress:
-        found = verify_world(World.open(open_store(world)), progress)
+        found = verify_place(world, repair, progress)
     bad = [fault._asdict() for fault in found.faults]
     facts = {"ok": not bad, "bad": bad, "cells": found.cells, "tiles": found.tiles, "bytes": found.bytes}
     checked = f"{found.cells:,} cells, {found.tiles:,} tiles, {in_bytes(found.bytes)}"

@@ -11,7 +11,7 @@ from farfield.cli.options import BandwidthOption, HostOption, JsonOption, Opened
 from farfield.cli.progress import shown_progress
 from farfield.cli.serving import ServeRequest, cache_folder, serve_world
 
-PathArgument = Annotated[Path, typer.Argument(metavar="PATH", help="Folder of a world, or a source as for bake.")]
+PathArgument = Annotated[str, typer.Argument(metavar="PATH", help="A baked world, or a source as for bake.")]
 OutputOption = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="WORLD", help="Where to bake a source to; default: the user's cache."),
@@ -29,7 +29,13 @@ def command(
 ) -> None:
     """Show PATH in the browser; a source is baked first, unless it is baked already."""
     request = ServeRequest(host, port, bandwidth, open_browser, as_json)
-    serve_world(path if path.is_dir() else _baked(path, output or _place_for(path)), request)
+    serve_world(path if _is_store(path) else _baked(Path(path), output or _place_for(Path(path))), request)
+
+
+def _is_store(path: str) -> bool:
+    from farfield.store.opening import is_archive, is_url
+
+    return is_url(path) or is_archive(path) or Path(path).is_dir()
 
 
 def _baked(source: Path, place: Path) -> Path:

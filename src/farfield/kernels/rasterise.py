@@ -15,7 +15,7 @@ from numba import types
 from farfield.kernels.compiling import device, kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
 from farfield.kernels.surface import F32_2, MATERIALS, SURFACE, U32_1, U32_2
-from farfield.kernels.texture import is_hole
+from farfield.kernels.texture import is_hole, is_masked_out, mask_steps
 
 TILE = 8
 """Samples: width and height of the tiles of `farthest`."""
@@ -111,6 +111,11 @@ def rasterise(screen, surface, materials, behind, order, farthest, depth, ids): 
             share = _ONE / np.float32(area)
             zb = (screen[ib, 2] - az) * share
             zc = (screen[ic, 2] - az) * share
+            walked = masked and wa == wb and wa == wc
+            walks, byte, stride, wide, high, mx, my, mxb, myb, mxc, myc = mask_steps(
+                surface, materials, material, ia, ib, ic, share
+            )
+            walked = walked and walks
             for y in range(y0, y1 + 1):
                 row = np.uintp(y)
                 eb = eb_row
@@ -124,7 +129,14 @@ def rasterise(screen, surface, materials, behind, order, farthest, depth, ids): 
                         nearer = z < old or (ordered and z == old and tag < ids[row, column])
                         if nearer and not (limited and z <= behind[row, column]):
                             hole = False
-                            if masked:
+                            if walked:
+                                fb = np.float32(eb)
+                                fc = np.float32(ec)
+                                hole = is_masked_out(
+                                    materials, byte, stride, wide, high,
+                                    mx + (fb * mxb + fc * mxc), my + (fb * myb + fc * myc),
+                                )  # fmt: skip
+                            elif masked:
                                 a, b, c = corner_weights(ea, eb, ec, wa, wb, wc)
                                 hole = is_hole(surface, materials, material, ia, ib, ic, a, b, c)
                             if not hole:

@@ -15,7 +15,7 @@ from farfield.kernels.compiling import device, kernel
 from farfield.kernels.edges import bounding_samples, corner_weights, inside_span, small_edges
 from farfield.kernels.lanes import LANES, draw_lanes, draw_lanes_behind
 from farfield.kernels.surface import F32_2, FAR, I64_2, MATERIALS, NOTHING, SURFACE, U32_1, U32_2
-from farfield.kernels.texture import is_hole
+from farfield.kernels.texture import is_hole, is_masked_out, mask_steps
 
 EMPTY = np.int64(0x7FFFFFFFFFFFFFFF)
 """Key of a sample that nothing covers."""
@@ -109,6 +109,11 @@ def rasterise_key(screen, surface, materials, behind, order, keys):  # type: ign
             share = _ONE / np.float32(area)
             zb = (screen[ib, 2] - az) * share
             zc = (screen[ic, 2] - az) * share
+            walked = masked and wa == wb and wa == wc
+            walks, byte, stride, wide, high, mx, my, mxb, myb, mxc, myc = mask_steps(
+                surface, materials, material, ia, ib, ic, share
+            )
+            walked = walked and walks
             if x1 - x0 < LANES and y1 - y0 < LANES and not masked:
                 # Edge functions of at most 8 x 8 samples are below 2^24, so exact in float32, eight at a time.
                 fb_row = np.float32(eb_row)
@@ -147,7 +152,14 @@ def rasterise_key(screen, surface, materials, behind, order, keys):  # type: ign
                         key = key_of(z, tag)
                         if key < keys[row, column] and not (limited and z <= behind[row, column]):
                             hole = False
-                            if masked:
+                            if walked:
+                                fb = np.float32(eb_)
+                                fc = np.float32(ec_)
+                                hole = is_masked_out(
+                                    materials, byte, stride, wide, high,
+                                    mx + (fb * mxb + fc * mxc), my + (fb * myb + fc * myc),
+                                )  # fmt: skip
+                            elif masked:
                                 a, b, c = corner_weights(ea_, eb_, ec_, wa, wb, wc)
                                 hole = is_hole(surface, materials, material, ia, ib, ic, a, b, c)
                             if not hole:

@@ -7,7 +7,10 @@ import numpy as np
 from farfield.geometry.color import LINEAR_OF_BYTE
 from farfield.kernels.compiling import device
 
+_ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
+_WALKED = np.float32(256.0)
+"""Repetitions of a texture from its origin, up to which texels are told apart well enough in steps."""
 
 
 @device
@@ -17,6 +20,13 @@ def fraction(value):  # type: ignore[no-untyped-def]
         return np.float32(0.0)
     part = value - np.float32(np.int64(value))
     return part + np.float32(1.0) if part < np.float32(0.0) else part
+
+
+@device
+def whole_below(value):  # type: ignore[no-untyped-def]
+    """floor(value) of what is less than 1e9 in size."""
+    part = np.float32(np.int64(value))
+    return part - np.float32(1.0) if part > value else part
 
 
 @device
@@ -66,6 +76,55 @@ def texture_color(materials, texture, u, v, footprint):  # type: ignore[no-untyp
     green = w00 * linear[p[a0, 1]] + w10 * linear[p[a1, 1]] + w01 * linear[p[b0, 1]] + w11 * linear[p[b1, 1]]
     blue = w00 * linear[p[a0, 2]] + w10 * linear[p[a1, 2]] + w01 * linear[p[b0, 2]] + w11 * linear[p[b1, 2]]
     return red, green, blue
+
+
+@device
+def mask_steps(surface, materials, material, i, j, k, share):  # type: ignore[no-untyped-def]
+    """How an alpha mask runs across a triangle of an orthographic view, for `is_masked_out`.
+
+    share: 1 / (ea + eb + ec) of the edge functions.
+    Returns (usable, byte, stride, width, height, x, y, right_b, down_b, right_c, down_c): whether there is a mask that
+    alone decides; its first byte and bytes a row; its size; and the texel, x + eb right_b + ec right_c and
+    y + eb down_b + ec down_c, not negative but for rounding.
+    """
+    texture = materials.texture[material]
+    if texture < 0 or materials.mask[material] < 0 or surface.uvs.shape[0] == 0 or surface.colors.shape[0] > 0:
+        return False, np.int64(0), np.int32(0), np.int32(0), np.int32(0), _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+    width = materials.size[texture, 0]
+    height = materials.size[texture, 1]
+    uvs = surface.uvs
+    u = uvs[i, 0]
+    v = uvs[i, 1]
+    left = whole_below(min(u, min(uvs[j, 0], uvs[k, 0])))
+    top = whole_below(min(v, min(uvs[j, 1], uvs[k, 1])))
+    wide = np.float32(width)
+    high = np.float32(height)
+    return (
+        max(abs(u), max(abs(uvs[j, 0]), abs(uvs[k, 0]))) + max(abs(v), max(abs(uvs[j, 1]), abs(uvs[k, 1]))) < _WALKED,
+        materials.mask[material],
+        np.int32((width + 7) >> 3),
+        width,
+        height,
+        (u - left) * wide,
+        (v - top) * high,
+        (uvs[j, 0] - u) * wide * share,
+        (uvs[j, 1] - v) * high * share,
+        (uvs[k, 0] - u) * wide * share,
+        (uvs[k, 1] - v) * high * share,
+    )
+
+
+@device
+def is_masked_out(materials, byte, stride, width, height, x, y):  # type: ignore[no-untyped-def]
+    """Whether the mask that begins at `byte` cuts out the texel at x, y, which repeats; see `mask_steps`."""
+    column = np.int32(max(x, _ZERO))
+    row = np.int32(max(y, _ZERO))
+    if column >= width:
+        column %= width
+    if row >= height:
+        row %= height
+    bits = materials.mask_bits[np.uintp(byte + np.int64(row * stride + (column >> 3)))]
+    return (bits >> np.uint8(column & 7)) & 1 == 0
 
 
 @device

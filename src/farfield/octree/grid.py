@@ -7,6 +7,7 @@ upper cells. Cells never merge across index 0: the roots are those among {-1, 0}
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,6 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import OptionError
+
+MAXIMUM_LEVEL = 40
+"""Highest level of a cell: 2^40 leaves of a millimetre span a million kilometres."""
+MAXIMUM_INDEX = 1 << MAXIMUM_LEVEL
+"""Indices of cells lie within this on both sides of 0: all that merge up to the highest level."""
+_INDEX = r"(0|-?[1-9][0-9]{0,12})"
+_KEY = re.compile(rf"(0|[1-9][0-9]?)/{_INDEX}/{_INDEX}/{_INDEX}")
 
 
 class CellKey(NamedTuple):
@@ -29,13 +37,15 @@ class CellKey(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> CellKey:
-        """From `level/x/y/z`. Raises OptionError when it is none."""
-        parts = text.split("/")
-        try:
-            level, x, y, z = (int(p) for p in parts)
-        except ValueError:
-            raise OptionError("not a cell key", text, "a key is level/x/y/z") from None
-        return cls(level, x, y, z)
+        """From `level/x/y/z`, as `str` writes it.
+
+        Raises OptionError when it is none, the level is beyond MAXIMUM_LEVEL or an index beyond MAXIMUM_INDEX.
+        """
+        found = _KEY.fullmatch(text)
+        key = cls(*map(int, found.groups())) if found else None
+        if key is None or key.level > MAXIMUM_LEVEL or max(map(abs, key[1:])) > MAXIMUM_INDEX:
+            raise OptionError("not a cell key", text[:80], "a key is level/x/y/z")
+        return key
 
 
 @dataclass(frozen=True, slots=True)

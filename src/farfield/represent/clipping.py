@@ -102,6 +102,8 @@ def clip_to_cell(surface: Triangles, leaf_size: float, index: tuple[int, int, in
 def assemble(surface: Triangles, pieces: Pieces, lower: NDArray[np.float64]) -> Chunk:
     """One chunk of all entries of `pieces`, relative to `lower` (metres from the grid's corner)."""
     cut = pieces.piece >= 0
+    if len(cut) == len(surface.triangles) and not cut.any():
+        return replace(surface, positions=surface.positions - lower).chunk()
     whole = surface.triangles[pieces.source[~cut]]
     used = np.zeros(len(surface.positions), dtype=bool)
     used[whole.ravel()] = True

@@ -13,7 +13,8 @@ class Store(Protocol):
     """Maps keys (see `store.keys`) to bytes.
 
     - A reader sees the whole of a value or none of it, whatever happens to the writer.
-    - A key that holds a value is never also the folder of other keys: such a `put` is refused.
+    - A key that holds a value is never also the folder of other keys: such a `put` is refused (`BucketStore` excepted).
+    - A store that cannot be changed (an archive) refuses `put` and `delete` with a StoreError and keeps the rest.
     - Safe to use from several threads, and (where the medium is shared) from several processes.
     - Every failure of the medium is a StoreError that names the store and the key and says what to try.
     """

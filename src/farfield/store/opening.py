@@ -6,6 +6,9 @@ import os
 from pathlib import Path
 
 from farfield.errors import NotAWorldError
+from farfield.store.archive import ArchiveStore
+from farfield.store.archive.reader import SUFFIX
+from farfield.store.bucket import SCHEMES, BucketStore
 from farfield.store.contract import Store
 from farfield.store.directory import INCOMING, DirectoryStore
 
@@ -14,25 +17,68 @@ MANIFEST = "world.json"
 
 _SIGNS_OF_A_BAKE = (MANIFEST, INCOMING, "record")
 
+Place = str | os.PathLike[str]
+"""What a user names: a path, or the URL of a bucket."""
 
-def open_store(place: str | os.PathLike[str], *, create: bool = False) -> Store:
-    """The store at `place`, a folder; with `create` one that may be written to and need not be there yet.
 
-    Raises NotAWorldError: there is nothing at `place`; it is a file; or, with `create`, it is a folder
-    that holds something other than a world, finished or begun.
+def open_store(place: Place, *, create: bool = False) -> Store:
+    """The store at `place`: a folder, an archive, or a bucket's URL; with `create` one that may be written to and
+    need not be there yet.
+
+    Raises NotAWorldError: there is nothing at `place`, or a file that is no archive; or, with `create`, it is an
+    archive, or a folder or bucket that holds something other than a world, finished or begun. StoreError: it cannot
+    be read. MissingExtraError: what reads buckets is not installed.
     """
+    if is_url(place):
+        return _bucket(os.fspath(place), create)
     path = Path(place)
     if path.is_dir():
         if create and not _may_hold_a_world(path):
             raise NotAWorldError("the folder holds something other than a world", str(path), "choose an empty folder")
-    elif path.exists() or path.is_symlink():
-        raise NotAWorldError("this is a file; a world is a folder", str(path))
-    elif not create:
-        raise NotAWorldError("there is no such folder", str(path), "farfield bake SOURCE -o WORLD makes one")
+        return DirectoryStore(path)
+    if create and is_archive(place):
+        raise NotAWorldError("an archive is written as a whole", str(path), "bake into a folder, then farfield copy it")
+    if path.exists() or path.is_symlink():
+        if create:
+            raise NotAWorldError("this is a file; a world is a folder", str(path))
+        return ArchiveStore(path)
+    if not create:
+        raise NotAWorldError("there is no such folder or file", str(path), "farfield bake SOURCE -o WORLD makes one")
     return DirectoryStore(path)
+
+
+def is_url(place: Place) -> bool:
+    """Whether `place` is written as a URL."""
+    return "://" in os.fspath(place)
+
+
+def is_archive(place: Place) -> bool:
+    """Whether `place` has the name of an archive in a file system."""
+    return not is_url(place) and os.fspath(place).endswith(SUFFIX) and not Path(place).is_dir()
+
+
+def _bucket(url: str, create: bool) -> Store:
+    scheme = url.partition("://")[0]
+    if scheme not in SCHEMES:
+        known = ", ".join(f"{name}://" for name in SCHEMES)
+        raise NotAWorldError(f"worlds are not read from {scheme}://", url, f"a folder, a .farfield file, or {known}")
+    if url.endswith(SUFFIX):
+        hint = "keep the file on a disk, and upload it for the page to read"
+        raise NotAWorldError("archives are not read or written in buckets", url, hint)
+    store = BucketStore(url)
+    if create and not _bucket_may_hold_a_world(store):
+        raise NotAWorldError("there is something other than a world", url, "choose another folder of the bucket")
+    return store
 
 
 def _may_hold_a_world(folder: Path) -> bool:
     if any((folder / name).exists() for name in _SIGNS_OF_A_BAKE):
         return True
     return not any(folder.iterdir())
+
+
+def _bucket_may_hold_a_world(store: BucketStore) -> bool:
+    """The signs of a bake or of a copy; a bucket has no folder of incoming values."""
+    if not store.holds_any() or store.exists(MANIFEST):
+        return True
+    return any(store.holds_any(folder) for folder in ("record", "index"))

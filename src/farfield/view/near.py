@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey
 from farfield.represent.blocks import BlockedMesh
-from farfield.represent.geometry.read import decode_texture, read_leaf_glb, read_mesh_glb
+from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb
+from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Texture
 from farfield.view.geometry import Batches

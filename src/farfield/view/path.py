@@ -8,6 +8,7 @@ import msgspec
 
 from farfield.errors import InputError
 from farfield.geometry.cameras import Camera
+from farfield.world.limits import DAMAGE
 
 Vector = tuple[float, float, float]
 
@@ -43,7 +44,7 @@ def read_path(file: Path) -> CameraPath:
         found = msgspec.json.decode(file.read_bytes(), type=CameraPath)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", str(file)) from None
-    except msgspec.DecodeError as error:
+    except DAMAGE as error:
         raise InputError(f"not a recorded path: {error}", str(file), hint) from None
     if not found.frames:
         raise InputError("a path without frames", str(file), hint)

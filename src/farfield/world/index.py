@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import struct
 import zlib
+from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
-from farfield.errors import CorruptTileError
+from farfield.errors import CorruptTileError, OptionError
 from farfield.octree.grid import CellKey
+from farfield.world.limits import DAMAGE, Count, DirectionNumber, Hash, HashOrNone, LayerNumber, is_box
+from farfield.world.limits import Bounds as Bounds
 
 _HEADER = struct.Struct("<4sHHII")
 _MAGIC = b"FFIX"
 _VERSION = 1
 MAXIMUM_BYTES = 64 << 20
 """An index tile never unpacks to more than this."""
-
-Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+_HINT = "run farfield verify"
 
 
 class GeometryEntry(msgspec.Struct, frozen=True):
     """Near geometry of a leaf."""
 
-    hash: str
-    bytes: int
-    triangles: int = 0
-    instances: int = 0
-    meshes: tuple[tuple[str, int], ...] = ()
+    hash: Hash
+    bytes: Count
+    triangles: Count = 0
+    instances: Count = 0
+    meshes: tuple[tuple[Hash, Count], ...] = ()
     """Hash and bytes of each mesh its instances need."""
 
 
@@ -36,17 +39,17 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     key: str
     bounds: Bounds
     """Tight bounds of the content, local metres."""
-    error: float
+    error: Annotated[float, Meta(ge=0, le=1e12)]
     """Geometric error, metres: the pitch of the orthoviews."""
-    hash: str = ""
-    tiles: tuple[tuple[int, int, int], ...] = ()
+    hash: HashOrNone = ""
+    tiles: Annotated[tuple[tuple[DirectionNumber, LayerNumber, Count], ...], Meta(max_length=512)] = ()
     """(direction, layer, bytes) of each orthoview tile."""
-    views: tuple[tuple[int, ...], ...] = ()
+    views: Annotated[tuple[Annotated[tuple[DirectionNumber, ...], Meta(max_length=256)], ...], Meta(max_length=26)] = ()
     """For each of 26 view bins the directions to draw, best first."""
-    children: tuple[str, ...] = ()
-    index: str = ""
+    children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
+    index: HashOrNone = ""
     geometry: GeometryEntry | None = None
-    output: str = ""
+    output: HashOrNone = ""
 
     @property
     def cell(self) -> CellKey:
@@ -70,17 +73,58 @@ def encode_index(tile: IndexTile) -> bytes:
 
 
 def decode_index(data: bytes, where: str) -> IndexTile:
-    """Reads an index tile. Raises CorruptTileError for anything else."""
-    hint = "run farfield verify"
-    if len(data) < _HEADER.size:
-        raise CorruptTileError("index tile is cut short", where, hint)
-    magic, version, _, length, checksum = _HEADER.unpack_from(data)
-    if magic != _MAGIC or version != _VERSION or length > MAXIMUM_BYTES:
-        raise CorruptTileError("not an index tile of a known version", where, hint)
+    """Reads an index tile. Raises CorruptTileError for anything else.
+
+    Allocates at most 16 bytes for each byte of JSON that the header declares, which is at most MAXIMUM_BYTES.
+    """
     try:
-        text = zlib.decompressobj(-15).decompress(data[_HEADER.size :], length)
-        if len(text) != length or zlib.crc32(text) != checksum:
-            raise CorruptTileError("index tile is damaged", where, hint)
-        return msgspec.json.decode(text, type=IndexTile)
-    except (zlib.error, msgspec.DecodeError) as error:
-        raise CorruptTileError(f"index tile is damaged: {error}", where, hint) from None
+        tile = msgspec.json.decode(_text_of(data, where), type=IndexTile)
+        _check_cells(tile, where)
+    except (*DAMAGE, OptionError) as error:
+        raise CorruptTileError(f"index tile is damaged: {error}", where, _HINT) from None
+    return tile
+
+
+def _text_of(data: bytes, where: str) -> bytes:
+    """The JSON. Raises CorruptTileError."""
+    if len(data) < _HEADER.size:
+        raise CorruptTileError("index tile is cut short", where, _HINT)
+    magic, version, reserved, length, checksum = _HEADER.unpack_from(data)
+    if magic != _MAGIC or version != _VERSION or reserved or length > MAXIMUM_BYTES:
+        raise CorruptTileError("not an index tile of a known version", where, _HINT)
+    stream = zlib.decompressobj(-15)
+    try:
+        # One byte more than it should be shows a longer one; and 0 would mean without a limit.
+        text = stream.decompress(data[_HEADER.size :], length + 1)
+    except zlib.error as error:
+        raise CorruptTileError(f"index tile is damaged: {error}", where, _HINT) from None
+    if len(text) != length or not stream.eof or stream.unused_data or zlib.crc32(text) != checksum:
+        raise CorruptTileError("index tile is damaged", where, _HINT)
+    return text
+
+
+def _check_cells(tile: IndexTile, where: str) -> None:
+    """Raises CorruptTileError, or OptionError for what is no key, unless the cells form trees below the root.
+
+    So whoever walks them comes to an end. That a cell has but one parent only the grid can tell (`world.World`).
+    """
+    root, names = CellKey.parse(tile.root), {entry.key for entry in tile.cells}
+    if len(names) != len(tile.cells) or not tile.cells or tile.cells[0].key != tile.root:
+        raise CorruptTileError("index tile does not list each of its cells once, the root first", where, _HINT)
+    for entry in tile.cells:
+        children = [CellKey.parse(child) for child in entry.children]
+        sane = (
+            entry.cell.level <= root.level
+            and is_box(entry.bounds)
+            and len(set(children)) == len(children)
+            and all(_may_be_below(child, entry.cell) for child in children)
+            and (entry.index or names.issuperset(entry.children))
+        )
+        if not sane:
+            raise CorruptTileError(f"index tile tells what cannot be of cell {entry.key}", where, _HINT)
+
+
+def _may_be_below(child: CellKey, cell: CellKey) -> bool:
+    """Whether it is a child in some grid: one level below, its index along each axis halved or the same."""
+    pairs = zip(child[1:], cell[1:], strict=True)
+    return child.level == cell.level - 1 and all(index in (below, below >> 1) for below, index in pairs)

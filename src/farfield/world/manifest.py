@@ -2,43 +2,47 @@
 
 from __future__ import annotations
 
-import json
+from math import hypot
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
-from farfield.errors import MissingKeyError, NotAWorldError, VersionError
+from farfield.errors import MissingKeyError, NotAWorldError, OptionError, VersionError
 from farfield.geometry.directions import Direction
-from farfield.octree.grid import CellKey, Grid
+from farfield.octree.grid import MAXIMUM_LEVEL, CellKey, Grid
 from farfield.store.contract import Store
+from farfield.world.limits import DAMAGE, Bounds, Count, DirectionNumber, Hash, Vector, is_box
 
 FORMAT = "farfield-world"
 VERSION = 1
 KEY = "world.json"
 
-Vector = tuple[float, float, float]
+_Level = Annotated[int, Meta(ge=0, le=MAXIMUM_LEVEL)]
 
 
 class GridRecord(msgspec.Struct, frozen=True):
     """The grid as it is written."""
 
-    leaf_size: float
-    resolution: int
+    leaf_size: Annotated[float, Meta(ge=1e-6, le=1e9)]
+    resolution: Annotated[int, Meta(ge=1, le=4096)]
     corner: Vector
-    axis_levels: tuple[int, int, int]
+    axis_levels: tuple[_Level, _Level, _Level]
 
 
 class DirectionRecord(msgspec.Struct, frozen=True):
     """A baked direction."""
 
-    number: int
+    number: DirectionNumber
     vector: Vector
+    """Towards the camera, unit length."""
 
 
 class RootRecord(msgspec.Struct, frozen=True):
     """A root cell and the hash of its index tile."""
 
     key: str
-    hash: str
+    hash: Hash
 
 
 class ViewRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -46,20 +50,20 @@ class ViewRecord(msgspec.Struct, frozen=True, omit_defaults=True):
 
     eye: Vector
     target: Vector
-    fov: float = 50.0
+    fov: Annotated[float, Meta(gt=0, lt=180)] = 50.0
     """Vertical field of view, degrees."""
 
 
 class Statistics(msgspec.Struct, frozen=True):
     """What the bake counted."""
 
-    triangles: int = 0
-    objects: int = 0
-    cells: int = 0
-    orthoviews: int = 0
-    tiles: int = 0
-    bytes: int = 0
-    source_bytes: int = 0
+    triangles: Count = 0
+    objects: Count = 0
+    cells: Count = 0
+    orthoviews: Count = 0
+    tiles: Count = 0
+    bytes: Count = 0
+    source_bytes: Count = 0
 
 
 class Manifest(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,20 +71,21 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
     format: str = FORMAT
     version: int = VERSION
-    generation: int = 1
+    generation: Count = 1
     generator: str = ""
     name: str = ""
     crs: str | None = None
     origin: Vector = (0.0, 0.0, 0.0)
-    bounds: tuple[Vector, Vector]
+    bounds: Bounds
     grid: GridRecord
-    directions: tuple[DirectionRecord, ...]
-    depth_layers: int = 2
-    index_depth: int = 4
-    roots: tuple[RootRecord, ...] = ()
+    directions: Annotated[tuple[DirectionRecord, ...], Meta(max_length=256)]
+    depth_layers: Annotated[int, Meta(ge=1, le=2)] = 2
+    index_depth: Annotated[int, Meta(ge=2, le=16)] = 4
+    """Levels of cells in one index tile; the lowest of them is the highest of the next tile, so one would not do."""
+    roots: Annotated[tuple[RootRecord, ...], Meta(max_length=8)] = ()
     credits: tuple[str, ...] = ()
     statistics: Statistics = msgspec.field(default_factory=Statistics)
-    attributes: str | None = None
+    attributes: Hash | None = None
     view: ViewRecord | None = None
     """Camera to begin with; None: the viewer frames the bounds."""
 
@@ -103,11 +108,15 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
 def read_manifest(store: Store) -> Manifest:
     """The manifest of the world in a store. Raises NotAWorldError, VersionError or StoreError."""
+    return decode_manifest(manifest_bytes(store), f"{store.location}/{KEY}")
+
+
+def manifest_bytes(store: Store) -> bytes:
+    """The same as it is written, not yet looked at. Raises NotAWorldError or StoreError."""
     try:
-        data = store.get(KEY)
+        return store.get(KEY)
     except MissingKeyError:
         raise NotAWorldError("no world here", store.location, "farfield bake SOURCE -o WORLD makes one") from None
-    return decode_manifest(data, f"{store.location}/{KEY}")
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
@@ -115,39 +124,55 @@ def encode_manifest(manifest: Manifest) -> bytes:
     return msgspec.json.format(msgspec.json.encode(manifest), indent=2) + b"\n"
 
 
+class _Head(msgspec.Struct):
+    """What is read of a manifest before its version is known."""
+
+    format: Any = None
+    version: Any = None
+
+
 def decode_manifest(data: bytes, where: str = KEY) -> Manifest:
-    """Reads a manifest.
+    """Reads a manifest; allocates at most 32 bytes for each byte of it.
 
     Raises NotAWorldError when it is not the manifest of a world and VersionError when a newer farfield wrote it.
     """
-    hint = "is this the folder of a baked world?"
-    try:
-        head = json.loads(data)
-    except ValueError:
-        raise NotAWorldError("not a manifest: no JSON", where, hint) from None
-    if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise NotAWorldError("not the manifest of a farfield world", where, hint)
-    version = head.get("version")
-    if not isinstance(version, int) or version > VERSION:
-        raise VersionError(
-            f"world of version {version}, this farfield reads up to {VERSION}", where, "upgrade farfield"
-        )
+    _check_head(data, where)
     try:
         manifest = msgspec.json.decode(data, type=Manifest)
-    except msgspec.ValidationError as error:
-        raise NotAWorldError(f"damaged manifest: {error}", where, "bake the world again") from None
-    _check_sizes(manifest, where)
+        fault = _fault_of(manifest)
+    except (*DAMAGE, OptionError) as error:
+        fault = str(error)
+    if fault:
+        raise NotAWorldError(f"damaged manifest: {fault}", where, "bake the world again")
     return manifest
 
 
-def _check_sizes(manifest: Manifest, where: str) -> None:
-    grid = manifest.grid
-    sane = (
-        grid.leaf_size > 0
-        and 1 <= grid.resolution <= 4096
-        and all(0 <= n <= 40 for n in grid.axis_levels)
-        and 1 <= manifest.index_depth <= 16
-        and manifest.depth_layers in (1, 2)
-    )
-    if not sane:
-        raise NotAWorldError("damaged manifest: values out of range", where, "bake the world again")
+def _check_head(data: bytes, where: str) -> None:
+    hint = "is this the folder of a baked world?"
+    try:
+        head = msgspec.json.decode(data, type=_Head)
+    except msgspec.ValidationError:
+        head = _Head()
+    except DAMAGE:
+        raise NotAWorldError("not a manifest: no JSON", where, hint) from None
+    if head.format != FORMAT:
+        raise NotAWorldError("not the manifest of a farfield world", where, hint)
+    version = head.version
+    if isinstance(version, int) and version > VERSION:
+        raise VersionError(
+            f"world of version {version}, this farfield reads up to {VERSION}", where, "upgrade farfield"
+        )
+    if type(version) is not int or version < 1:
+        raise NotAWorldError("damaged manifest: without a version", where, "bake the world again")
+
+
+def _fault_of(manifest: Manifest) -> str:
+    """What contradicts itself, or nothing. Raises OptionError for a root that is no cell."""
+    top, roots = manifest.octree.top_level, manifest.root_keys
+    if not is_box(manifest.bounds):
+        return "bounds are upside down"
+    if any(abs(hypot(*d.vector) - 1) > 1e-3 for d in manifest.directions):
+        return "a direction is not of unit length"
+    if len(set(roots)) < len(roots) or any(r.level != top or not {*r[1:]} <= {-1, 0} for r in roots):
+        return f"roots are not among the 8 cells of level {top}"
+    return ""

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import os
-import struct
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from farfield.errors import CorruptTileError, MissingKeyError, StoreError
-from farfield.octree.grid import CellKey
 from farfield.progress import NoProgress, Progress
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry, GeometryEntry, decode_index
+from farfield.world.reach import first_index_tiles, object_keys, parted, textures_of, tile_keys
 from farfield.world.world import World
 
 
@@ -82,20 +80,25 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
     """Every cell that the index lists, once, and how the index itself is."""
     reports: list[_Report] = []
     entries: list[CellEntry] = []
-    pending = [(CellKey.parse(root.key), root.hash) for root in world.manifest.roots]
+    pending = first_index_tiles(world.manifest)
+    seen: set[str] = set()
     while pending:
         cell, name = pending.pop()
         key = keys.index_key(cell, name)
+        if key in seen:
+            continue
+        seen.add(key)
         report = _check_hashed(world.store, key)
         reports.append(report)
         if report.faults:
             continue
-        for entry in decode_index(world.store.get(key), key).cells:
-            # A cell with an index tile of its own stands there again, as its first.
-            if entry.index:
-                pending.append((entry.cell, entry.index))
-            else:
-                entries.append(entry)
+        try:
+            below, cells = parted(decode_index(world.store.get(key), key))
+        except (CorruptTileError, StoreError) as error:
+            reports.append(_Report(faults=(Fault(key, error.what),)))
+            continue
+        pending += below
+        entries += cells
     return _sum(reports), entries
 
 
@@ -109,8 +112,7 @@ def _check_cell(store: Store, entry: CellEntry) -> _Report:
 
 def _check_tiles(store: Store, entry: CellEntry) -> _Report:
     """The orthoview tiles of a cell and their object ids, which together make its hash."""
-    tiles = [keys.orthoview_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in entry.tiles]
-    objects = [keys.objects_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in entry.tiles]
+    tiles, objects = tile_keys(entry), object_keys(entry)
     try:
         found = [store.get(key) for key in tiles]
         ids = [store.get(key) for key in objects if store.exists(key)]
@@ -150,15 +152,11 @@ def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:
         return _Report(1, len(data), (Fault(key, f"has {len(data)} bytes, the index says {length}"),))
     if keys.content_hash(data) != key[-16:]:
         return _Report(1, len(data), (Fault(key, "is altered: its hash is another"),))
-    return _Report(1, len(data), (), tuple(_textures_of(data)))
-
-
-def _textures_of(data: bytes) -> Iterator[str]:
-    """Hashes of the images that a GLB, known to be unaltered, refers to; none for anything else."""
-    if data[:4] == b"glTF":
-        (length,) = struct.unpack_from("<I", data, 12)
-        for image in json.loads(data[20 : 20 + length]).get("images", ()):
-            yield image["uri"].rpartition("/")[2]
+    try:
+        textures = tuple(textures_of(data, key))
+    except CorruptTileError as error:
+        return _Report(1, len(data), (Fault(key, error.what),))
+    return _Report(1, len(data), (), textures)
 
 
 def _meshes_of(leaves: Iterable[GeometryEntry]) -> list[str]:

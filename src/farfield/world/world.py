@@ -12,6 +12,8 @@ from farfield.world import keys
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import Manifest, read_manifest
 
+_HINT = "run farfield verify"
+
 
 class World:
     """A baked world, read through its store. Index tiles are loaded when they are first needed and kept.
@@ -37,30 +39,53 @@ class World:
         return self.manifest.root_keys
 
     def entry(self, key: CellKey) -> CellEntry:
-        """What the index says of a cell. Raises KeyError when the cell holds nothing."""
+        """What the index says of a cell.
+
+        Raises KeyError when the cell holds nothing, and CorruptTileError when the index says that it holds something
+        but is damaged there.
+        """
         if key not in self._entries:
-            self._load_index_of(key)
+            try:
+                self._load_index_of(key)
+            except KeyError:
+                if not self._is_listed(key):
+                    raise
+                raise CorruptTileError("the index lists this cell but tells nothing of it", str(key), _HINT) from None
         return self._entries[key]
 
     def children(self, key: CellKey) -> tuple[CellKey, ...]:
-        """Cells below `key` that hold something, ascending."""
-        return tuple(CellKey.parse(child) for child in self.entry(key).children)
+        """Cells below `key` that hold something, ascending. Raises CorruptTileError when the index is damaged there."""
+        found = tuple(CellKey.parse(child) for child in self.entry(key).children)
+        # Else a cell could be reached on many ways, and a walk of a small index take for ever.
+        if any(self.grid.parent(child) != key for child in found):
+            raise CorruptTileError("the index lists cells of other parents below this one", str(key), _HINT)
+        return found
 
     def cells(self) -> Iterator[CellEntry]:
-        """Every cell, parents before children."""
+        """Every cell, parents before children. Raises CorruptTileError where the index is damaged."""
         pending = list(self.roots)
         while pending:
-            entry = self.entry(pending.pop())
-            yield entry
-            pending.extend(CellKey.parse(child) for child in reversed(entry.children))
+            key = pending.pop()
+            yield self.entry(key)
+            pending.extend(reversed(self.children(key)))
 
     def tile(self, entry: CellEntry, direction: int, layer: int) -> DecodedTile:
-        """One layer of one orthoview, decoded. Raises CorruptTileError when it is missing or damaged."""
+        """One layer of one orthoview, decoded. Raises CorruptTileError when it is missing, damaged or another's."""
         key = keys.orthoview_key(entry.cell, direction, layer, entry.hash)
         try:
-            return decode_tile(self.store.get(key), key)
+            tile = decode_tile(self.store.get(key), key)
         except MissingKeyError:
-            raise CorruptTileError("tile is missing", key, "run farfield verify") from None
+            raise CorruptTileError("tile is missing", key, _HINT) from None
+        if (tile.level, tile.direction, tile.index) != (entry.cell.level, direction, layer):
+            raise CorruptTileError("the tile belongs to another cell or view", key, _HINT)
+        return tile
+
+    def _is_listed(self, key: CellKey) -> bool:
+        """Whether the manifest or the entry of its parent names a cell."""
+        if key.level >= self.grid.top_level:
+            return key in self.roots
+        above = self._entries.get(self.grid.parent(key))
+        return above is not None and str(key) in above.children
 
     def _load_index_of(self, key: CellKey) -> None:
         """Loads index tiles from the root down until the cell is known."""
@@ -88,8 +113,11 @@ class World:
         try:
             data = self.store.get(name)
         except MissingKeyError:
-            raise CorruptTileError("index tile is missing", name, "run farfield verify") from None
-        for entry in decode_index(data, name).cells:
+            raise CorruptTileError("index tile is missing", name, _HINT) from None
+        tile = decode_index(data, name)
+        if tile.root != str(root):
+            raise CorruptTileError(f"index tile of another cell, {tile.root}", name, _HINT)
+        for entry in tile.cells:
             known = self._entries.get(entry.cell)
             if known is None or not known.index:
                 self._entries[entry.cell] = entry

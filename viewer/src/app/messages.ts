@@ -4,6 +4,7 @@ import type { FarfieldError } from "../core/errors.js";
 const TITLES: Readonly<Partial<Record<FarfieldError["tag"], string>>> = {
   "not-a-world": "There is no world here",
   version: "This world was made by a newer farfield",
+  "no-ranges": "This server cannot send parts of a file",
   unsupported: "This browser cannot show the world",
   corrupt: "The world is damaged",
 };

@@ -74,7 +74,10 @@ export class Cell {
     }
     this.indexHash = "";
     this.children = known.map((name) => {
-      const child = new Cell(parseKey(name), this, this.grid);
+      const key = parseKey(name);
+      // Else a cell could be reached on many ways, or be below itself, and a small index would never end.
+      if (!this.grid.isChild(key, this.key)) throw corrupt(`cell ${name} is not below ${this.name}`, where);
+      const child = new Cell(key, this, this.grid);
       child.read(entries, shared, where);
       return child;
     });

@@ -6,10 +6,19 @@
  *     corrupt       the bytes are not what they should be
  *     version       written by a newer farfield: upgrade
  *     not-a-world   the address holds something else
+ *     no-ranges     the server sends files only as a whole: an archive needs another
  *     unsupported   this browser cannot show it
  *     aborted       nobody wants it any more
  */
-export type ErrorTag = "network" | "missing" | "corrupt" | "version" | "not-a-world" | "unsupported" | "aborted";
+export type ErrorTag =
+  | "network"
+  | "missing"
+  | "corrupt"
+  | "version"
+  | "not-a-world"
+  | "no-ranges"
+  | "unsupported"
+  | "aborted";
 
 /** An error that says what, where and what to try. */
 export class FarfieldError extends Error {

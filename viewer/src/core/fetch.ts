@@ -1,23 +1,29 @@
-import { asFarfieldError, FarfieldError } from "./errors.js";
+import { FarfieldError } from "./errors.js";
+import { Http, type Answer } from "./http.js";
+import type { Found, Source } from "./source.js";
 
-/** Without an answer for this long, a request counts as failed. */
-const TIMEOUT_MS = 30_000;
 const MISSING = 0xffffffff;
 /** Most keys one request asks for: an address stays under 8,000 characters. */
 export const BATCH_KEYS = 48;
 
-/** Reads the values of a world from a web server. Counts what comes in. */
-export class Fetcher {
+/** Reads the values of a world from a folder on a web server. */
+export class Fetcher implements Source {
   /** Address of the batch request, when the server offers one. */
   private batch: string | null = null;
-  /** Bytes and requests since the start. */
-  bytes = 0;
-  requests = 0;
+  private readonly http = new Http();
 
   constructor(
     /** Address of the folder that holds world.json, with a slash at its end. */
     readonly base: string,
   ) {}
+
+  get bytes(): number {
+    return this.http.bytes;
+  }
+
+  get requests(): number {
+    return this.http.requests;
+  }
 
   /** How many keys one request may ask for. */
   get batchKeys(): number {
@@ -38,7 +44,7 @@ export class Fetcher {
   }
 
   /** Several values in one request; null where the server has none. Rejects with `network` or `aborted`. */
-  async getMany(keys: readonly string[], signal: AbortSignal): Promise<(Uint8Array | null)[]> {
+  async getMany(keys: readonly string[], signal: AbortSignal): Promise<Found[]> {
     if (this.batch === null || keys.length === 1) return Promise.all(keys.map((key) => this.getOrNull(key, signal)));
     const path = `${this.batch}?${keys.map((key) => `key=${key}`).join("&")}`;
     const { bytes } = await this.request(path, signal, {});
@@ -52,55 +58,13 @@ export class Fetcher {
     });
   }
 
-  private async request(path: string, signal: AbortSignal, init: RequestInit): Promise<Answer> {
-    this.requests++;
-    const timed = timeLimit(signal);
-    try {
-      const answer = await fetch(new URL(path, this.base), { ...init, signal: timed.signal });
-      if (!answer.ok) throw refusal(answer.status, path);
-      const bytes = new Uint8Array(await answer.arrayBuffer());
-      this.bytes += bytes.length;
-      return { headers: answer.headers, bytes };
-    } catch (error) {
-      throw signal.aborted ? new FarfieldError("aborted", "no longer wanted", path) : network(error, path);
-    } finally {
-      timed.clear();
-    }
+  private request(path: string, signal: AbortSignal, init: RequestInit): Promise<Answer> {
+    return this.http.request(new URL(path, this.base), path, signal, init);
   }
 }
 
-interface Answer {
-  readonly headers: Headers;
-  readonly bytes: Uint8Array;
-}
-
-/** Most refusals last; time-outs, too many requests and the server's own troubles pass. */
-function refusal(status: number, path: string): FarfieldError {
-  const passing = status >= 500 || status === 408 || status === 429;
-  return new FarfieldError(passing ? "network" : "missing", `the server answers ${status}`, path);
-}
-
-/** Anything but the caller's own abort is the network's fault, a time limit included. */
-function network(error: unknown, path: string): FarfieldError {
-  const known = asFarfieldError(error, path);
-  return known.tag === "aborted" ? new FarfieldError("network", "no answer", path) : known;
-}
-
-/** A signal that also aborts when the time is up, and what stops the clock. */
-function timeLimit(signal: AbortSignal): { signal: AbortSignal; clear: () => void } {
-  const own = new AbortController();
-  const abort = (): void => own.abort();
-  if (signal.aborted) abort();
-  signal.addEventListener("abort", abort, { once: true });
-  const timer = setTimeout(abort, TIMEOUT_MS);
-  const clear = (): void => {
-    clearTimeout(timer);
-    signal.removeEventListener("abort", abort);
-  };
-  return { signal: own.signal, clear };
-}
-
-function unpack(bytes: Uint8Array, keys: readonly string[], where: string): (Uint8Array | null)[] {
+/** The values in the answer to a batch request, as parts of it. Throws `network` when it is cut short. */
+export function unpack(bytes: Uint8Array, keys: readonly string[], where: string): (Uint8Array | null)[] {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
   let at = 0;
   return keys.map(() => {

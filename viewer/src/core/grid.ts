@@ -1,4 +1,5 @@
 import { FarfieldError } from "./errors.js";
+import { MAXIMUM_LEVEL } from "./limits.js";
 import type { Box, Vector3 } from "./vector.js";
 
 /** Name of a cell: level counted up from the leaves, signed indices along x, y, z. */
@@ -9,14 +10,16 @@ export interface CellKey {
   readonly z: number;
 }
 
-/** From `level/x/y/z`. Throws `corrupt` when it is none. */
+const KEY = /^(0|[1-9][0-9]?)\/(0|-?[1-9][0-9]{0,12})\/(0|-?[1-9][0-9]{0,12})\/(0|-?[1-9][0-9]{0,12})$/;
+
+/** From `level/x/y/z`, as `formatKey` writes it. Throws `corrupt` when it is none, or too far up or out. */
 export function parseKey(text: string): CellKey {
-  const parts = text.split("/").map(Number);
-  const [level, x, y, z] = parts;
-  if (parts.length !== 4 || !parts.every(Number.isInteger) || level! < 0) {
-    throw new FarfieldError("corrupt", "not a cell key", text);
+  const [level, x, y, z] = (KEY.exec(text)?.slice(1) ?? []).map(Number) as [number?, number?, number?, number?];
+  const near = (index: number | undefined): index is number => index !== undefined && Math.abs(index) <= 2 ** MAXIMUM_LEVEL;
+  if (level === undefined || level > MAXIMUM_LEVEL || !near(x) || !near(y) || !near(z)) {
+    throw new FarfieldError("corrupt", "not a cell key", text.slice(0, 80));
   }
-  return { level: level!, x: x!, y: y!, z: z! };
+  return { level, x, y, z };
 }
 
 export function formatKey({ level, x, y, z }: CellKey): string {
@@ -62,6 +65,13 @@ export class Grid {
     const [cx, cy, cz] = this.corner;
     const lower: Vector3 = [cx + x * size[0], cy + y * size[1], cz + z * size[2]];
     return { lower, upper: [lower[0] + size[0], lower[1] + size[1], lower[2] + size[2]] };
+  }
+
+  /** Whether a cell lies below another, one level down. */
+  isChild(child: CellKey, parent: CellKey): boolean {
+    if (child.level !== parent.level - 1) return false;
+    const { x, y, z } = this.ancestor(child, parent.level);
+    return x === parent.x && y === parent.y && z === parent.z;
   }
 
   /** The cell of that level (at least the key's own) that holds this one. */

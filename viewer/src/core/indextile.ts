@@ -1,10 +1,14 @@
 import { crc32 } from "./crc32.js";
 import { corrupt } from "./errors.js";
+import { parseKey } from "./grid.js";
 import { inflate } from "./inflate.js";
+import { isBounds, isCount, isHash, isList, isMetres, isObject, type Json } from "./limits.js";
 import type { Vector3 } from "./vector.js";
 
 const HEADER_BYTES = 16;
 const MAGIC = 0x58494646; // "FFIX"
+/** Version 1, and a reserved zero. */
+const VERSION = 1;
 const MAXIMUM_BYTES = 64 << 20;
 
 /** Near geometry of a leaf. */
@@ -32,17 +36,86 @@ export interface CellEntry {
   readonly geometry?: GeometryEntry | null;
 }
 
-/** Reads an index tile. Throws `corrupt` for anything else. */
+/**
+ * Reads an index tile; allocates at most 64 bytes for each byte of JSON that the header declares, which is at most 64 MiB, and what
+ * `inflate` takes. Throws `corrupt` for anything else.
+ */
 export function decodeIndexTile(bytes: Uint8Array, where: string): readonly CellEntry[] {
+  const { root, cells } = parse(textOf(bytes, where), where);
+  if (!Array.isArray(cells) || cells.length === 0) throw corrupt("index tile without cells", where);
+  for (const cell of cells) checkCell(cell, where);
+  const names = new Set((cells as CellEntry[]).map(({ key }) => key));
+  if (names.size !== cells.length || (cells[0] as CellEntry).key !== root) {
+    throw corrupt("index tile does not list each of its cells once, the root first", where);
+  }
+  for (const { key, index, children } of cells as CellEntry[]) {
+    if (!index && children?.some((child) => !names.has(child))) throw corrupt(`index tile without the cells below ${key}`, where);
+  }
+  return cells as CellEntry[];
+}
+
+/** The JSON. Throws `corrupt`. */
+function textOf(bytes: Uint8Array, where: string): string {
   if (bytes.length < HEADER_BYTES) throw corrupt("index tile is cut short", where);
   const header = new DataView(bytes.buffer, bytes.byteOffset, HEADER_BYTES);
   const length = header.getUint32(8, true);
-  if (header.getUint32(0, true) !== MAGIC || header.getUint16(4, true) !== 1 || length > MAXIMUM_BYTES) {
+  if (header.getUint32(0, true) !== MAGIC || header.getUint32(4, true) !== VERSION || length > MAXIMUM_BYTES) {
     throw corrupt("not an index tile of a known version", where);
   }
   const text = inflate(bytes.subarray(HEADER_BYTES), length, where);
   if (crc32(text) !== header.getUint32(12, true)) throw corrupt("index tile is damaged", where);
-  const { cells } = JSON.parse(new TextDecoder().decode(text)) as { cells?: CellEntry[] };
-  if (!Array.isArray(cells)) throw corrupt("index tile without cells", where);
-  return cells;
+  return new TextDecoder().decode(text);
+}
+
+function parse(text: string, where: string): Json {
+  try {
+    const found: unknown = JSON.parse(text);
+    if (isObject(found)) return found;
+  } catch {
+    // No JSON at all, or nested deeper than the stack: the same to the caller.
+  }
+  throw corrupt("index tile without JSON", where);
+}
+
+/** Throws `corrupt` unless every member is of its type and within its limits: what draws a frame does not look again. */
+function checkCell(cell: unknown, where: string): void {
+  if (!isObject(cell) || typeof cell["key"] !== "string") throw corrupt("index tile tells of no cell", where);
+  const { key, bounds, error, hash = "", tiles = [], views = [], children = [], index = "", geometry = null } = cell;
+  const { level } = parseKey(key as string);
+  const sane =
+    isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) &&
+    isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) &&
+    isList(children, isString, 8) && new Set(children).size === children.length &&
+    children.every((child) => parseKey(child).level === level - 1);
+  if (!sane) throw corrupt(`index tile tells what cannot be of cell ${String(key)}`, where);
+}
+
+function isString(value: unknown): value is string {
+  return typeof value === "string";
+}
+
+function isHashOrNone(value: unknown): value is string {
+  return value === "" || isHash(value);
+}
+
+function isDirection(value: unknown): value is number {
+  return isCount(value, 255);
+}
+
+function isBin(value: unknown): value is readonly number[] {
+  return isList(value, isDirection, 256);
+}
+
+function isTile(value: unknown): value is readonly [number, number, number] {
+  return Array.isArray(value) && value.length === 3 && isDirection(value[0]) && isCount(value[1], 1) && isCount(value[2]);
+}
+
+function isMesh(value: unknown): value is readonly [string, number] {
+  return Array.isArray(value) && value.length === 2 && isHash(value[0]) && isCount(value[1]);
+}
+
+function isGeometry(value: unknown): boolean {
+  if (!isObject(value)) return false;
+  const { hash, bytes, triangles = 0, instances = 0, meshes = [] } = value;
+  return isHash(hash) && [bytes, triangles, instances].every((count) => isCount(count)) && isList(meshes, isMesh);
 }

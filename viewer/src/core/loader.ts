@@ -1,8 +1,8 @@
 import type { Backoff } from "./backoff.js";
 import { Cache } from "./cache.js";
-import { asFarfieldError, FarfieldError } from "./errors.js";
-import type { Fetcher } from "./fetch.js";
+import { asFarfieldError, type FarfieldError } from "./errors.js";
 import type { Resource } from "./resource.js";
+import { valueOf, type Found, type Source } from "./source.js";
 import { URGENCY, type Want } from "./wants.js";
 
 /** A decoded value that waits to be uploaded. */
@@ -44,7 +44,7 @@ export class Loader {
   private timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
-    private readonly fetcher: Fetcher,
+    private readonly source: Source,
     private readonly backoff: Backoff,
     private readonly preparer: Preparer,
     budget: number,
@@ -111,7 +111,7 @@ export class Loader {
     for (let next = 0; this.requests.size < REQUESTS && this.underWay < UNDER_WAY; ) {
       const chosen: Resource[] = [];
       let bytes = 0;
-      for (; next < this.wants.length && chosen.length < this.fetcher.batchKeys && bytes < REQUEST_BYTES; next++) {
+      for (; next < this.wants.length && chosen.length < this.source.batchKeys && bytes < REQUEST_BYTES; next++) {
         const { resource, urgency } = this.wants[next]!;
         if (resource.state !== "absent" || !this.fits(resource, urgency)) continue;
         chosen.push(resource);
@@ -135,7 +135,7 @@ export class Loader {
       this.loading.set(resource, controller);
     }
     try {
-      const answers = await this.fetcher.getMany(resources.map(({ key }) => key), controller.signal);
+      const answers = await this.source.getMany(resources.map(({ key }) => key), controller.signal);
       this.backoff.succeeded();
       resources.forEach((resource, n) => void this.prepare(resource, answers[n]!, controller.signal));
     } catch (error) {
@@ -149,10 +149,9 @@ export class Loader {
     }
   }
 
-  private async prepare(resource: Resource, bytes: Uint8Array | null, signal: AbortSignal): Promise<void> {
+  private async prepare(resource: Resource, found: Found, signal: AbortSignal): Promise<void> {
     try {
-      if (!bytes) throw new FarfieldError("missing", "the server does not have it", resource.key);
-      const prepared = await this.preparer.prepare(resource, bytes, signal);
+      const prepared = await this.preparer.prepare(resource, valueOf(found, resource.key), signal);
       this.loading.delete(resource);
       resource.state = "ready";
       resource.size = prepared.size;
@@ -179,7 +178,7 @@ export class Loader {
     this.loading.set(resource, controller);
     resource.state = "loading";
     try {
-      const bytes = await this.fetcher.get(resource.key, controller.signal, true);
+      const bytes = await this.source.get(resource.key, controller.signal, true);
       await this.prepare(resource, bytes, controller.signal);
     } catch (error) {
       this.release(resource);

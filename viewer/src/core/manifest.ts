@@ -1,6 +1,7 @@
 import { axesOf, type Axes } from "./directions.js";
 import { FarfieldError } from "./errors.js";
 import { Grid, parseKey, type CellKey } from "./grid.js";
+import { boxOf, isCount, isHash, isVector, MAXIMUM_LEVEL, type Json } from "./limits.js";
 import type { Box, Vector3 } from "./vector.js";
 
 const FORMAT = "farfield-world";
@@ -36,9 +37,7 @@ export interface Manifest {
   readonly view: View | null;
 }
 
-type Json = Record<string, unknown>;
-
-/** Reads a manifest. Throws `not-a-world` or, when a newer farfield wrote it, `version`. */
+/** Reads a manifest; allocates at most 64 bytes for each character of it. Throws `not-a-world` or, when a newer farfield wrote it, `version`. */
 export function decodeManifest(text: string, where: string): Manifest {
   const hint = "is this the address of a baked world?";
   let head: Json;
@@ -51,11 +50,12 @@ export function decodeManifest(text: string, where: string): Manifest {
     throw new FarfieldError("not-a-world", "not the manifest of a farfield world", where, hint);
   }
   const version = head["version"];
-  if (typeof version !== "number" || version > VERSION) {
+  if (typeof version === "number" && version > VERSION) {
     const what = `world of version ${String(version)}, this viewer reads up to ${VERSION}`;
     throw new FarfieldError("version", what, where, "upgrade farfield");
   }
   try {
+    if (version !== VERSION) throw new Error("without a version");
     return read(head);
   } catch (error) {
     const what = `damaged manifest: ${error instanceof Error ? error.message : String(error)}`;
@@ -65,35 +65,48 @@ export function decodeManifest(text: string, where: string): Manifest {
 
 function read(head: Json): Manifest {
   const grid = readGrid(object(head["grid"], "grid"));
-  const [lower, upper] = list(head["bounds"], "bounds");
-  const indexDepth = head["index_depth"] ?? 4;
-  if (!Number.isInteger(indexDepth) || (indexDepth as number) < 1) throw new Error("index_depth");
+  const bounds = boxOf(head["bounds"]);
+  const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1 } = head;
+  if (!bounds) throw new Error("bounds");
+  if (!isCount(indexDepth, 16) || indexDepth < 2) throw new Error("index_depth");
+  if (depthLayers !== 1 && depthLayers !== 2) throw new Error("depth_layers");
+  if (!isCount(generation)) throw new Error("generation");
   return {
-    generation: Number(head["generation"] ?? 1),
+    generation,
     name: String(head["name"] ?? ""),
     crs: typeof head["crs"] === "string" ? head["crs"] : null,
     origin: vector(head["origin"] ?? [0, 0, 0], "origin"),
-    bounds: { lower: vector(lower, "bounds"), upper: vector(upper, "bounds") },
+    bounds,
     grid,
     directions: new Map(list(head["directions"], "directions").map(readDirection).map((d) => [d.number, d])),
-    depthLayers: Number(head["depth_layers"] ?? 2),
-    indexDepth: indexDepth as number,
-    roots: list(head["roots"] ?? [], "roots").map((entry) => {
-      const root = object(entry, "roots");
-      return { key: parseKey(String(root["key"])), hash: String(root["hash"]) };
-    }),
+    depthLayers,
+    indexDepth,
+    roots: readRoots(list(head["roots"] ?? [], "roots"), grid),
     credits: list(head["credits"] ?? [], "credits").map(String),
     view: head["view"] == null ? null : readView(object(head["view"], "view")),
   };
+}
+
+/** The roots: different ones of the 8 cells of the highest level. */
+function readRoots(entries: unknown[], grid: Grid): Manifest["roots"] {
+  const roots = entries.map((entry) => {
+    const { key, hash } = object(entry, "roots");
+    const cell = parseKey(String(key));
+    const first = [cell.x, cell.y, cell.z].every((index) => index === 0 || index === -1);
+    if (!isHash(hash) || cell.level !== grid.topLevel || !first) throw new Error("roots");
+    return { key: cell, hash };
+  });
+  if (new Set(roots.map(({ key: { x, y, z } }) => `${x} ${y} ${z}`)).size !== roots.length) throw new Error("roots");
+  return roots;
 }
 
 function readGrid(grid: Json): Grid {
   const axisLevels = vector(grid["axis_levels"], "axis_levels");
   const { leaf_size: leafSize, resolution } = grid;
   const sane =
-    typeof leafSize === "number" && leafSize > 0 &&
-    typeof resolution === "number" && resolution >= 1 && resolution <= 4096 &&
-    axisLevels.every((n) => Number.isInteger(n) && n >= 0 && n <= 40);
+    typeof leafSize === "number" && leafSize >= 1e-6 && leafSize <= 1e9 &&
+    isCount(resolution, 4096) && resolution >= 1 &&
+    axisLevels.every((n) => isCount(n, MAXIMUM_LEVEL));
   if (!sane) throw new Error("grid out of range");
   return new Grid(leafSize, resolution, vector(grid["corner"], "corner"), axisLevels);
 }
@@ -101,13 +114,17 @@ function readGrid(grid: Json): Grid {
 function readDirection(entry: unknown): Direction {
   const direction = object(entry, "directions");
   const e = vector(direction["vector"], "vector");
-  return { number: Number(direction["number"]), vector: e, axes: axesOf(e) };
+  const number = direction["number"];
+  if (!isCount(number, 255) || Math.abs(Math.hypot(...e) - 1) > 1e-3) throw new Error("directions");
+  return { number, vector: e, axes: axesOf(e) };
 }
 
 function readView(view: Json): View {
   const eye = vector(view["eye"], "view.eye");
   const target = vector(view["target"], "view.target");
-  return typeof view["fov"] === "number" ? { eye, target, fov: view["fov"] } : { eye, target };
+  const fov = view["fov"] ?? 50;
+  if (typeof fov !== "number" || fov <= 0 || fov >= 180) throw new Error("view.fov");
+  return view["fov"] == null ? { eye, target } : { eye, target, fov };
 }
 
 function object(value: unknown, name: string): Json {
@@ -121,6 +138,6 @@ function list(value: unknown, name: string): unknown[] {
 }
 
 function vector(value: unknown, name: string): Vector3 {
-  if (!Array.isArray(value) || value.length !== 3 || !value.every(Number.isFinite)) throw new Error(name);
-  return value as unknown as Vector3;
+  if (!isVector(value)) throw new Error(name);
+  return value;
 }

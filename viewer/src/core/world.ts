@@ -1,10 +1,10 @@
 import type { Backoff } from "./backoff.js";
 import { Cell, SharedMeshes } from "./cell.js";
 import { asFarfieldError, corrupt, FarfieldError } from "./errors.js";
-import type { Fetcher } from "./fetch.js";
 import { decodeIndexTile } from "./indextile.js";
 import { indexKey } from "./keys.js";
 import { decodeManifest, type Manifest } from "./manifest.js";
+import { valueOf, type Found, type Source } from "./source.js";
 
 export interface WorldEvents {
   readonly bad: (key: string, error: FarfieldError) => void;
@@ -21,7 +21,7 @@ export class WorldIndex {
 
   private constructor(
     readonly manifest: Manifest,
-    private readonly fetcher: Fetcher,
+    private readonly source: Source,
     private readonly backoff: Backoff,
     private readonly events: WorldEvents,
   ) {
@@ -33,9 +33,9 @@ export class WorldIndex {
   }
 
   /** Reads the manifest. Rejects with `network`, `missing`, `not-a-world`, `version` or `aborted`. */
-  static async open(fetcher: Fetcher, backoff: Backoff, events: WorldEvents, signal: AbortSignal): Promise<WorldIndex> {
-    const text = await fetcher.manifest(signal);
-    return new WorldIndex(decodeManifest(text, `${fetcher.base}world.json`), fetcher, backoff, events);
+  static async open(source: Source, backoff: Backoff, events: WorldEvents, signal: AbortSignal): Promise<WorldIndex> {
+    const text = await source.manifest(signal);
+    return new WorldIndex(decodeManifest(text, `${source.base}world.json`), source, backoff, events);
   }
 
   /** Number of index tiles under way. */
@@ -46,7 +46,7 @@ export class WorldIndex {
   /** Starts reading the index below cells, in the order given; those that are being read already are left alone. */
   explore(cells: readonly Cell[]): void {
     const due = [...new Set(cells)].filter((cell) => cell.indexHash && !this.loading.has(cell));
-    const share = Math.max(1, this.fetcher.batchKeys);
+    const share = Math.max(1, this.source.batchKeys);
     for (let n = 0; n < due.length; n += share) void this.load(due.slice(n, n + share));
   }
 
@@ -58,7 +58,7 @@ export class WorldIndex {
     for (const cell of cells) this.loading.add(cell);
     const keys = cells.map((cell) => indexKey(cell.name, cell.indexHash));
     try {
-      const answers = await this.fetcher.getMany(keys, this.closing.signal);
+      const answers = await this.source.getMany(keys, this.closing.signal);
       this.backoff.succeeded();
       cells.forEach((cell, n) => this.read(cell, keys[n]!, answers[n]!));
     } catch (thrown) {
@@ -73,10 +73,9 @@ export class WorldIndex {
   }
 
   /** Reads one index tile; a cell whose index is missing or damaged ends there and stays a picture. */
-  private read(cell: Cell, key: string, bytes: Uint8Array | null): void {
+  private read(cell: Cell, key: string, found: Found): void {
     try {
-      if (!bytes) throw new FarfieldError("missing", "the server does not have it", key);
-      cell.read(new Map(decodeIndexTile(bytes, key).map((entry) => [entry.key, entry])), this.shared, key);
+      cell.read(new Map(decodeIndexTile(valueOf(found, key), key).map((entry) => [entry.key, entry])), this.shared, key);
     } catch (thrown) {
       cell.indexHash = "";
       cell.children = [];

@@ -1,11 +1,23 @@
 import type { Backoff } from "../core/backoff.js";
 import { asFarfieldError, FarfieldError } from "../core/errors.js";
-import type { Fetcher } from "../core/fetch.js";
+import { ArchiveFetcher } from "../core/archive/fetcher.js";
+import { Fetcher } from "../core/fetch.js";
+import type { Source } from "../core/source.js";
 import { WorldIndex, type WorldEvents } from "../core/world.js";
 
-/** Address of a world's folder, with a slash at its end, from that of the folder or of its world.json. */
-export function folderOf(url: string | URL): string {
+/** How the name of an archive ends. */
+const ARCHIVE = /\.farfield$/;
+
+/** What reads the world at the address of an archive, of its folder or of its world.json. */
+export function sourceOf(url: string | URL): Source {
   const address = new URL(url, globalThis.location?.href);
+  address.hash = "";
+  return ARCHIVE.test(address.pathname) ? new ArchiveFetcher(address.href) : new Fetcher(folderOf(address));
+}
+
+/** Address of a world's folder, with a slash at its end, from that of the folder or of its world.json. */
+function folderOf(url: URL): string {
+  const address = new URL(url);
   address.search = address.hash = "";
   address.pathname = address.pathname.replace(/world\.json$/, "").replace(/\/?$/, "/");
   return address.href;
@@ -13,23 +25,23 @@ export function folderOf(url: string | URL): string {
 
 /**
  * Reads a world's manifest, again and again while the server does not answer. Rejects with what cannot be mended by
- * waiting: `not-a-world`, `version` or, when nobody wants it any more, `aborted`.
+ * waiting: `not-a-world`, `version`, `no-ranges`, `corrupt` or, when nobody wants it any more, `aborted`.
  */
 export async function openIndex(
-  fetcher: Fetcher,
+  source: Source,
   backoff: Backoff,
   events: WorldEvents,
   signal: AbortSignal,
 ): Promise<WorldIndex> {
   for (;;) {
     try {
-      const index = await WorldIndex.open(fetcher, backoff, events, signal);
+      const index = await WorldIndex.open(source, backoff, events, signal);
       backoff.succeeded();
       return index;
     } catch (thrown) {
-      const error = asFarfieldError(thrown, fetcher.base);
+      const error = asFarfieldError(thrown, source.base);
       if (error.tag === "missing") {
-        throw new FarfieldError("not-a-world", "no world here", fetcher.base, "is this the address of a baked world?");
+        throw new FarfieldError("not-a-world", "no world here", source.base, "is this the address of a baked world?");
       }
       if (error.tag !== "network") throw error;
       backoff.failed(error.what);

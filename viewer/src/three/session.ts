@@ -1,10 +1,10 @@
 import type { Camera, Group, Scene, WebGLRenderer } from "three";
 import type { DecodePool } from "../core/decode/pool.js";
 import type { Backoff } from "../core/backoff.js";
-import type { Fetcher } from "../core/fetch.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Resource } from "../core/resource.js";
+import type { Source } from "../core/source.js";
 import { distanceTo } from "../core/vector.js";
 import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
@@ -21,7 +21,7 @@ import type { Viewpoint } from "./viewpoint.js";
 /** What a session works with. */
 export interface SessionParts {
   readonly index: WorldIndex;
-  readonly fetcher: Fetcher;
+  readonly source: Source;
   readonly backoff: Backoff;
   readonly pool: DecodePool;
   readonly light: LightUniforms;
@@ -49,13 +49,13 @@ export class Session {
     private readonly parts: SessionParts,
     events: LoaderEvents,
   ) {
-    const { index, fetcher, backoff, pool, light, group, renderer, options } = parts;
+    const { index, source, backoff, pool, light, group, renderer, options } = parts;
     const { manifest } = index;
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(fetcher, pool), renderer, forget });
-    this.loader = new Loader(fetcher, backoff, preparer, options().cacheBytes, events);
+    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(source, pool), renderer, forget });
+    this.loader = new Loader(source, backoff, preparer, options().cacheBytes, events);
   }
 
   get index(): WorldIndex {

@@ -1,4 +1,4 @@
-import type { Fetcher } from "../core/fetch.js";
+import type { Source } from "../core/source.js";
 import type { WorldOptions } from "./options.js";
 import type { Session } from "./session.js";
 
@@ -31,7 +31,7 @@ export interface WorldStats {
   readonly coarsened: number;
 }
 
-export function statsOf(session: Session | null, fetcher: Fetcher, options: WorldOptions, bad: number): WorldStats {
+export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): WorldStats {
   const { plan = null, loader, splats, near } = session ?? {};
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
@@ -43,8 +43,8 @@ export function statsOf(session: Session | null, fetcher: Fetcher, options: Worl
     geometry_cells: plan?.geometry.length ?? 0,
     stand_ins: plan?.standIns ?? 0,
     cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
-    bytes: fetcher.bytes,
-    requests: fetcher.requests,
+    bytes: source.bytes,
+    requests: source.requests,
     tiles_pending: session?.pending ?? 0,
     tiles_missing: bad,
     cache_bytes: loader?.cache.bytes ?? 0,

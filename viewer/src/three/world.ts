@@ -3,12 +3,12 @@ import { Backoff, type Connection } from "../core/backoff.js";
 import { DecodePool, type WorkerMaker } from "../core/decode/pool.js";
 import { asFarfieldError, type FarfieldError } from "../core/errors.js";
 import { Emitter } from "../core/events.js";
-import { Fetcher } from "../core/fetch.js";
 import type { Manifest } from "../core/manifest.js";
+import type { Source } from "../core/source.js";
 import type { WorldIndex } from "../core/world.js";
 import { Frame } from "./frame.js";
 import { LightUniforms } from "./light.js";
-import { folderOf, openIndex } from "./opening.js";
+import { openIndex, sourceOf } from "./opening.js";
 import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
 import { Session } from "./session.js";
 import { statsOf, type WorldStats } from "./stats.js";
@@ -35,7 +35,7 @@ export interface FarfieldEvents {
  */
 export class FarfieldWorld extends Object3D {
   readonly events = new Emitter<FarfieldEvents>();
-  readonly fetcher: Fetcher;
+  readonly source: Source;
   options: WorldOptions;
   private session: Session | null = null;
   private readonly inner = new Scene();
@@ -57,11 +57,11 @@ export class FarfieldWorld extends Object3D {
   /** The camera or the options have changed: nothing puts drawing off. */
   private mustDraw = true;
 
-  /** url: address of the folder that holds world.json, or of world.json. */
+  /** url: address of the folder that holds world.json, of world.json, or of an archive (….farfield). */
   constructor(url: string | URL, options: OptionChanges = {}, maker: WorkerMaker | null = makeWorker) {
     super();
     this.options = withChanges(defaultOptions(), options);
-    this.fetcher = new Fetcher(folderOf(url));
+    this.source = sourceOf(url);
     this.pool = new DecodePool(maker);
     this.backoff = new Backoff(() => performance.now(), (connection) => this.events.emit("connection", connection));
     this.inner.add(this.group);
@@ -82,7 +82,7 @@ export class FarfieldWorld extends Object3D {
   }
 
   get stats(): WorldStats {
-    return statsOf(this.session, this.fetcher, this.options, this.bad);
+    return statsOf(this.session, this.source, this.options, this.bad);
   }
 
   setOptions(changes: OptionChanges): void {
@@ -149,18 +149,18 @@ export class FarfieldWorld extends Object3D {
     const bad = (key: string, error: FarfieldError): void => this.report(key, error);
     const grown = (): void => this.changed();
     try {
-      this.begin(await openIndex(this.fetcher, this.backoff, { bad, grown }, this.closing.signal));
+      this.begin(await openIndex(this.source, this.backoff, { bad, grown }, this.closing.signal));
     } catch (thrown) {
-      const error = asFarfieldError(thrown, this.fetcher.base);
+      const error = asFarfieldError(thrown, this.source.base);
       if (error.tag !== "aborted") this.events.emit("failed", error);
     }
   }
 
   private begin(index: WorldIndex): void {
-    const { fetcher, backoff, pool, light, group, frame, inner } = this;
+    const { source, backoff, pool, light, group, frame, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;
     const options = (): WorldOptions => this.options;
-    const parts = { index, fetcher, backoff, pool, light, group, scene: inner, frame, renderer, options };
+    const parts = { index, source, backoff, pool, light, group, scene: inner, frame, renderer, options };
     this.session = new Session(parts, {
       bad: ({ key }, error) => this.report(key, error),
       arrived: () => this.events.emit("arrived", undefined),

@@ -1,25 +1,31 @@
-"""Reading near geometry back: the subset of GLB that `write` makes."""
+"""Reading near geometry back: the subset of GLB that `write` makes (spec/world.md, Geometry of a leaf).
+
+Nothing in a file is believed before it is checked. Kernels draw what is read here and do not look whether an index is
+within its array, so every attribute has a row for each vertex, every index names a vertex, and every number is finite.
+"""
 
 from __future__ import annotations
 
-import io
-import json
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from farfield.errors import CorruptTileError
 from farfield.geometry.color import srgb_from_linear
+from farfield.represent.geometry.document import Accessor, Document, Primitive
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Material, Mesh, Texture
 
+_HEADER = struct.Struct("<4sIIII")
 _KIND = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1", 5120: "i1"}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_LARGEST = 1e12
+"""Metres: coordinates beyond are refused, before sums of them overflow."""
 _HINT = "run farfield verify"
 
 TextureReader = Callable[[str], Texture]
@@ -37,33 +43,34 @@ class LeafGeometry:
 
 
 def read_leaf_glb(data: bytes, where: str, texture: TextureReader) -> LeafGeometry:
-    """Reads a leaf's GLB. Raises CorruptTileError."""
+    """Reads a leaf's GLB. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
     with _Damage(where):
         glb = _Glb(data)
-        listed = glb.json["scenes"][0]["extras"]["farfield"]["instances"]
+        if not glb.document.scenes:
+            raise ValueError("without a scene")
         placed = tuple(
-            PlacedMesh(
-                str(item["mesh"]), _rows(glb.accessor(item["transforms"])), glb.accessor(item["objects"]).ravel()
-            )
-            for item in listed
+            PlacedMesh(item.mesh, glb.transforms(item.transforms), glb.objects(item.objects))
+            for item in glb.document.scenes[0].extras.farfield.instances
         )
-        return LeafGeometry(glb.mesh(texture) if "meshes" in glb.json else None, placed)
+        if any(len(p.transforms) != len(p.objects) for p in placed):
+            raise ValueError("instances with more transforms or fewer than object ids")
+        return LeafGeometry(glb.mesh(texture) if glb.document.meshes else None, placed)
 
 
 def read_mesh_glb(data: bytes, where: str, texture: TextureReader) -> Mesh:
-    """Reads a shared mesh. Raises CorruptTileError."""
+    """Reads a shared mesh. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
     with _Damage(where):
         return _Glb(data).mesh(texture)
 
 
-def decode_texture(data: bytes, where: str) -> Texture:
-    """Reads an image. Raises CorruptTileError."""
-    with _Damage(where), Image.open(io.BytesIO(data)) as image:
-        return Texture(np.asarray(image.convert("RGBA")))
+def texture_hashes(data: bytes, where: str) -> tuple[str, ...]:
+    """Hashes of the images that a GLB refers to. Raises CorruptTileError."""
+    with _Damage(where):
+        return tuple(image.hash for image in _Glb(data).document.images)
 
 
 class _Damage:
-    """Turns whatever a damaged file provokes into CorruptTileError."""
+    """Turns what a damaged file provokes in `struct`, `msgspec` and `numpy` into CorruptTileError."""
 
     def __init__(self, where: str) -> None:
         self._where = where
@@ -72,34 +79,60 @@ class _Damage:
         return None
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        faults = (ValueError, KeyError, IndexError, TypeError, struct.error, OSError, AttributeError, MemoryError)
-        if isinstance(error, faults):
+        if isinstance(error, ValueError | IndexError | RecursionError | struct.error):
             raise CorruptTileError(f"near geometry is damaged: {error}", self._where, _HINT) from None
 
 
 class _Glb:
     def __init__(self, data: bytes) -> None:
-        magic, version, total, length, _ = struct.unpack_from("<4sIIII", data)
-        if magic != b"glTF" or version != 2 or total != len(data):
+        magic, version, total, length, kind = _HEADER.unpack_from(data)
+        if (magic, version, total, kind) != (b"glTF", 2, len(data), 0x4E4F534A):
             raise ValueError("not a GLB of that length")
-        self.json: dict[str, Any] = json.loads(data[20 : 20 + length])
-        self._body = data[28 + length :]
+        if length > len(data) - _HEADER.size:
+            raise ValueError("the JSON ends beyond the file")
+        self.document = msgspec.json.decode(data[20 : 20 + length], type=Document)
+        self._body = memoryview(data)[28 + length :]
+        self._unread = len(self._body)
 
-    def accessor(self, index: int) -> NDArray[Any]:
-        """(n, k) values."""
-        facts = self.json["accessors"][index]
-        view = self.json["bufferViews"][facts["bufferView"]]
-        width, kind = _WIDTH[facts["type"]], np.dtype(_KIND[facts["componentType"]])
-        stride = view.get("byteStride", width * kind.itemsize)
-        raw = np.frombuffer(self._body, np.uint8, view["byteLength"], view["byteOffset"])
-        if facts["count"] * stride > len(raw):
-            raise ValueError("an accessor ends beyond its view")
-        rows = raw[: facts["count"] * stride].reshape(facts["count"], stride)[:, : width * kind.itemsize]
-        return np.ascontiguousarray(rows).view(kind)
+    def accessor(self, index: int, kinds: tuple[str, ...], rows: int | None = None) -> NDArray[Any]:
+        """(n, k) values of an accessor whose type and component are one of `kinds`, such as "VEC3 <f4".
+
+        rows: how many there must be. The accessors of a file share no bytes, so all of them together are no longer than
+        its body: else a small file could ask for one long accessor a thousand times.
+        """
+        facts = self.document.accessors[index]
+        if f"{facts.type} {_KIND[facts.componentType]}" not in kinds:
+            raise ValueError(f"accessor {index} is none of {', '.join(kinds)}")
+        if rows is not None and facts.count != rows:
+            raise ValueError(f"accessor {index} has {facts.count} rows instead of {rows}")
+        return self._rows(facts, np.dtype(_KIND[facts.componentType]))
+
+    def _rows(self, facts: Accessor, kind: np.dtype[Any]) -> NDArray[Any]:
+        view = self.document.bufferViews[facts.bufferView]
+        width = _WIDTH[facts.type] * kind.itemsize
+        stride = view.byteStride or width
+        length = facts.count * stride
+        if stride < width or length > view.byteLength or view.byteOffset + view.byteLength > len(self._body):
+            raise ValueError("an accessor ends beyond its view, or the view beyond the file")
+        self._unread -= length
+        if self._unread < 0:
+            raise ValueError("accessors share their bytes")
+        raw = np.frombuffer(self._body[view.byteOffset : view.byteOffset + length], np.uint8)
+        return np.ascontiguousarray(raw.reshape(facts.count, stride)[:, :width]).view(kind)
+
+    def transforms(self, index: int) -> NDArray[np.float64]:
+        """(k, 3, 4) float64 from columns of MAT4."""
+        columns = _finite(self.accessor(index, ("MAT4 <f4",)), _LARGEST)
+        return columns.reshape(-1, 4, 4).transpose(0, 2, 1)[:, :3].astype(np.float64)
+
+    def objects(self, index: int) -> NDArray[np.uint32]:
+        """(k,) uint32 object ids."""
+        found: NDArray[np.uint32] = self.accessor(index, ("SCALAR <u4",)).ravel()
+        return found
 
     def mesh(self, texture: TextureReader) -> Mesh:
         """All primitives as one mesh; attributes that some lack are filled with neutral values."""
-        primitives = self.json["meshes"][0]["primitives"]
+        primitives = self.document.meshes[0].primitives
         parts = [self._primitive(p) for p in primitives]
         offsets = np.cumsum([0, *(len(p["positions"]) for p in parts)])
         triangles = [p["triangles"] + np.uint32(o) for p, o in zip(parts, offsets[:-1], strict=True)]
@@ -109,7 +142,7 @@ class _Glb:
             positions=np.concatenate([p["positions"] for p in parts]).astype(np.float64),
             triangles=np.concatenate(triangles),
             normals=np.concatenate([p["normals"] for p in parts]),
-            materials=tuple(self._material(p["material"], texture) for p in primitives),
+            materials=tuple(self._material(p.material, texture) for p in primitives),
             triangle_material=number,
             uvs=_joined(parts, "uvs", np.zeros((1, 2), np.float32)),
             colors=_joined(parts, "colors", np.full((1, 4), 255, np.uint8)),
@@ -117,35 +150,44 @@ class _Glb:
             object_count=int(objects.max(initial=0)) + 1,
         )
 
-    def _primitive(self, primitive: dict[str, Any]) -> dict[str, Any]:
-        names = primitive["attributes"]
-        triangles = self.accessor(primitive["indices"]).reshape(-1, 3).astype(np.uint32)
-        positions = self.accessor(names["POSITION"])
-        if len(triangles) and int(triangles.max()) >= len(positions):
+    def _primitive(self, primitive: Primitive) -> dict[str, Any]:
+        names = primitive.attributes
+        triangles = self.accessor(primitive.indices, ("SCALAR <u2", "SCALAR <u4")).reshape(-1, 3).astype(np.uint32)
+        positions = _finite(self.accessor(names.POSITION, ("VEC3 <f4",)), _LARGEST)
+        count = len(positions)
+        if int(triangles.max(initial=0)) >= count and len(triangles):
             raise ValueError("an index beyond the vertices")
-        normals = np.maximum(self.accessor(names["NORMAL"]).astype(np.float32) / 127, -1)
-        ids = self.accessor(names["_FEATURE_ID_0"]).ravel()
-        colors = self.accessor(names["COLOR_0"]) if "COLOR_0" in names else None
+        normals = np.maximum(self.accessor(names.NORMAL, ("VEC3 i1",), count).astype(np.float32) / 127, -1)
+        ids = self.accessor(names.feature, ("SCALAR <f4",), count).ravel()
+        if not (np.isfinite(ids) & (ids >= 0) & (ids < 2**32)).all():
+            raise ValueError("an object id beyond 32 bits")
+        uvs, colors = names.TEXCOORD_0, names.COLOR_0
         return {
             "positions": positions,
             "triangles": triangles,
             "normals": normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6),
             "objects": ids[triangles[:, 0]].astype(np.uint32),
-            "uvs": self.accessor(names["TEXCOORD_0"]) if "TEXCOORD_0" in names else None,
-            "colors": None if colors is None else _srgb8(colors),
+            "uvs": None if uvs is None else _finite(self.accessor(uvs, ("VEC2 <f4",), count)),
+            "colors": None if colors is None else _srgb8(self.accessor(colors, ("VEC4 <u2",), count)),
         }
 
     def _material(self, index: int, texture: TextureReader) -> Material:
-        facts = self.json["materials"][index]
-        surface = facts["pbrMetallicRoughness"]
-        r, g, b, a = surface["baseColorFactor"]
+        facts = self.document.materials[index]
+        surface = facts.pbrMetallicRoughness
         image = None
-        if "baseColorTexture" in surface:
-            source = self.json["textures"][surface["baseColorTexture"]["index"]]["source"]
-            image = texture(self.json["images"][source]["uri"].rsplit("/", 1)[-1])
-        cutoff = float(facts["alphaCutoff"]) if facts.get("alphaMode") == "MASK" else None
-        unlit = "KHR_materials_unlit" in facts.get("extensions", {})
-        return Material("", (r, g, b, a), image, cutoff, bool(facts.get("doubleSided")), unlit)
+        if surface.baseColorTexture is not None:
+            source = self.document.textures[surface.baseColorTexture.index].source
+            image = texture(self.document.images[source].hash)
+        cutoff = facts.alphaCutoff if facts.alphaMode == "MASK" else None
+        unlit = "KHR_materials_unlit" in facts.extensions
+        return Material("", surface.baseColorFactor, image, cutoff, facts.doubleSided, unlit)
+
+
+def _finite(values: NDArray[np.float32], largest: float = float(np.finfo(np.float32).max)) -> NDArray[np.float32]:
+    """The values themselves. Raises ValueError when one is no number or beyond `largest`."""
+    if not (np.abs(values) <= largest).all():
+        raise ValueError("a coordinate that is no finite number, or too large")
+    return values
 
 
 def _joined(parts: list[dict[str, Any]], name: str, neutral: NDArray[Any]) -> NDArray[Any] | None:
@@ -158,7 +200,3 @@ def _joined(parts: list[dict[str, Any]], name: str, neutral: NDArray[Any]) -> ND
 def _srgb8(colors: NDArray[np.uint16]) -> NDArray[np.uint8]:
     rgb = np.round(srgb_from_linear(colors[:, :3] / 65535.0) * 255)
     return np.concatenate([rgb, colors[:, 3:] / 257], 1).astype(np.uint8)
-
-
-def _rows(columns: NDArray[np.float32]) -> NDArray[np.float64]:
-    return columns.reshape(-1, 4, 4).transpose(0, 2, 1)[:, :3].astype(np.float64)

@@ -31,7 +31,7 @@ def decode_object_tile(data: bytes, layer: OrthoLayer, where: str = "") -> NDArr
     """(h, w) uint32 ids of the pixels of `layer`, 0 where nothing is.
 
     layer: decoded from the orthoview tile that the ids belong to: its valid pixels give the order.
-    Raises CorruptTileError for anything but a whole tile of that layer.
+    Raises CorruptTileError for anything but a whole tile of that layer; allocates at most 32 bytes a pixel of it.
     """
     header, planes = container.unpack(data, MAGIC, where)
     height, width = layer.shape

@@ -100,13 +100,14 @@ def decode_tile(data: bytes, where: str = "") -> DecodedTile:
     allocates at most 64 bytes a pixel of the rectangle, which is at most 4096 x 4096.
     """
     header, planes = container.unpack(data, MAGIC, where)
+    # Colour first: a picture as large as the header claims cannot be had for a few bytes, the other planes can.
+    color = _decode_color(header, planes, where)
     depth = _decode_depth(header, planes, where)
     valid = depth > 0
     normal = _decode_normals(header, planes, depth, where)
     coverage, length = _decode_coverage(header, planes, valid, where)
     connected = _decode_bits(header, planes, FLAGS, "flags", valid, where) * np.uint8(CONNECTED_BIT)
     connected |= _decode_bits(header, planes, UNLIT, "unlit", valid, where) * np.uint8(UNLIT_BIT)
-    color = _decode_color(header, planes, where)
     color[~valid] = 0
     layer = OrthoLayer(header.x, header.y, header.depth_base, depth, color, normal, length, coverage, connected)
     return DecodedTile(layer, header.direction, header.index, header.level)

@@ -44,7 +44,8 @@ def _size(data: bytes) -> tuple[int, int] | None:
     if len(data) < _FRAME_AT + 10 or data[:4] != b"RIFF" or data[8:16] != b"WEBPVP8 ":
         return None
     riff, chunk = int.from_bytes(data[4:8], "little"), int.from_bytes(data[16:20], "little")
-    if riff + 8 != len(data) or chunk + 12 > riff or data[_FRAME_AT + 3 : _FRAME_AT + 6] != _KEY_FRAME:
+    alone = riff + 8 == len(data) and riff == 12 + chunk + chunk % 2
+    if not alone or data[_FRAME_AT + 3 : _FRAME_AT + 6] != _KEY_FRAME:
         return None
     return int.from_bytes(data[26:28], "little") & 0x3FFF, int.from_bytes(data[28:30], "little") & 0x3FFF
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,38 +12,49 @@ from farfield.errors import InputError
 from farfield.scene.footprints.table import FeatureTable
 from farfield.scene.georeference import load_pyproj
 
+Projection = Callable[[NDArray[np.object_]], NDArray[np.object_]]
+"""(n,) geometries to the same in another coordinate reference system."""
 
-def in_metres(table: FeatureTable, wanted: str | None, where: str, warnings: list[str]) -> FeatureTable:
-    """The table in `wanted`, or else in its own CRS, or in the local UTM zone when that is in degrees.
+_BATCH = 16_384
+"""Features looked at together for their bounds; those of a file in metres are known after the first."""
 
-    pyproj is only needed for the last and for a change. Raises InputError and MissingExtraError.
+
+def in_metres(
+    table: FeatureTable, wanted: str | None, where: str, warnings: list[str]
+) -> tuple[str | None, Projection | None]:
+    """The CRS to read the table in, and how its shapes get there (None: they are there).
+
+    It is `wanted`, or else the table's own, or the local UTM zone when that is in degrees. pyproj is only needed for
+    the last and for a change. Raises InputError and MissingExtraError.
     """
     if table.crs is None:
-        return table if wanted is None else replace(table, crs=wanted)
+        return wanted, None
     if wanted is not None and wanted != table.crs:
-        return _projected(table, wanted, where)
-    bounds = _bounds(table.shapes)
-    if not np.isfinite(bounds).all() or not _like_degrees(bounds):
+        return wanted, _projection(table.crs, wanted, where)
+    bounds = _bounds_in_degrees(table)
+    if bounds is None:
         if table.crs in ("EPSG:4326", "OGC:CRS84"):
             warnings.append(f"{where}: says it is in degrees, but is not; its coordinates are taken as metres")
-            return replace(table, crs=None)
-        return table
+            return None, None
+        return table.crs, None
     if not load_pyproj(where).CRS.from_user_input(table.crs).is_geographic:
-        return table
+        return table.crs, None
     zone = _utm_zone((bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2)
     warnings.append(f"{where}: reprojected from degrees ({table.crs[:30]}) to the local UTM zone, {zone}")
-    return _projected(table, zone, where)
+    return zone, _projection(table.crs, zone, where)
 
 
-def _bounds(shapes: NDArray[np.object_]) -> NDArray[np.float64]:
+def _bounds_in_degrees(table: FeatureTable) -> NDArray[np.float64] | None:
+    """(4,) west, south, east, north of all shapes; None when these cannot be degrees, or nothing has a place."""
     import shapely
 
-    bounds: NDArray[np.float64] = shapely.total_bounds(shapes)
-    return bounds
-
-
-def _like_degrees(bounds: NDArray[np.float64]) -> bool:
-    return bool((np.abs(bounds[[0, 2]]) <= 360).all() and (np.abs(bounds[[1, 3]]) <= 90).all())
+    bounds = np.full(4, np.nan)
+    for shapes in table.batches(_BATCH):
+        west, south, east, north = shapely.total_bounds(shapes)
+        bounds = np.array([*np.fmin(bounds[:2], [west, south]), *np.fmax(bounds[2:], [east, north])])
+        if (np.abs(bounds) > (360, 90, 360, 90)).any():
+            return None
+    return bounds if np.isfinite(bounds).all() else None
 
 
 def _utm_zone(longitude: float, latitude: float) -> str:
@@ -51,16 +62,16 @@ def _utm_zone(longitude: float, latitude: float) -> str:
     return f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
 
 
-def _projected(table: FeatureTable, crs: str, where: str) -> FeatureTable:
+def _projection(source: str, target: str, where: str) -> Projection:
     import shapely
 
     pyproj = load_pyproj(where)
     try:
-        transformer = pyproj.Transformer.from_crs(table.crs, crs, always_xy=True)
+        transformer = pyproj.Transformer.from_crs(source, target, always_xy=True)
     except pyproj.exceptions.CRSError as error:
-        raise InputError(f"cannot be brought to {crs}", where, "give an authority code such as EPSG:6677") from error
+        raise InputError(f"cannot be brought to {target}", where, "give an authority code such as EPSG:6677") from error
 
     def project(points: NDArray[np.float64]) -> NDArray[Any]:
         return np.stack(transformer.transform(points[:, 0], points[:, 1]), -1)
 
-    return replace(table, shapes=shapely.transform(table.shapes, project), crs=crs)
+    return lambda shapes: shapely.transform(shapes, project)

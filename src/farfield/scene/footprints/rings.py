@@ -1,17 +1,11 @@
-"""Footprints as flat arrays of rings, repaired and oriented."""
+"""Footprints as flat arrays of rings, oriented."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from farfield.scene.faults import counted
-
-SMALLEST = 0.01
-"""Square metres; footprints below it count as having no area."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,41 +21,19 @@ class Rings:
     polygon_feature: NDArray[np.int64]
     """(p,) feature of each polygon, ascending."""
 
-    def of_features(self, first: int, last: int) -> Rings:
-        """Rings of the features first .. last - 1, numbered from 0. No copies."""
-        p0, p1 = np.searchsorted(self.polygon_feature, [first, last])
-        r0, r1 = self.polygon_start[[p0, p1]]
-        v0, v1 = self.ring_start[[r0, r1]]
+    def of_features(self, features: NDArray[np.int64]) -> Rings:
+        """Copies of the rings of some features in the order given, numbered from 0."""
+        first, last = np.searchsorted(self.polygon_feature, [features, features + 1])
+        polygons = _stretches(first, last)
+        low, high = self.polygon_start[polygons], self.polygon_start[polygons + 1]
+        rings = _stretches(low, high)
+        start, end = self.ring_start[rings], self.ring_start[rings + 1]
         return Rings(
-            self.xy[v0:v1],
-            self.ring_start[r0 : r1 + 1] - v0,
-            self.polygon_start[p0 : p1 + 1] - r0,
-            self.polygon_feature[p0:p1] - first,
+            self.xy[_stretches(start, end)],
+            starts_of(end - start),
+            starts_of(high - low),
+            np.repeat(np.arange(len(features)), last - first),
         )
-
-
-def repaired(shapes: NDArray[np.object_], where: str, warnings: list[str]) -> NDArray[np.object_]:
-    """(n,) polygons and multipolygons; None for what has no area even after repair. Both are counted."""
-    import shapely
-
-    shapes = np.asarray(shapes, object).copy()
-    present = ~shapely.is_missing(shapes) & ~shapely.is_empty(shapes)
-    polygonal = np.isin(shapely.get_type_id(shapes), (3, 6, 7))
-    _count(int((present & ~polygonal).sum()), "feature", "that are not areas", where, warnings)
-    _count(int((~present).sum()), "feature", "without a shape", where, warnings)
-    shapes[~(present & polygonal)] = None
-    crossing = np.flatnonzero(~shapely.is_missing(shapes) & ~shapely.is_valid(shapes))
-    if len(crossing):
-        shapes[crossing] = [_mended(shape) for shape in shapes[crossing]]
-    lost = crossing[shapely.is_missing(shapes[crossing])]
-    mended = int((shapely.area(shapes[crossing]) > SMALLEST).sum())
-    if mended:
-        warnings.append(f"{where}: repaired {counted(mended, 'footprint')} with self-crossing rings")
-    _count(len(lost), "footprint", "with self-crossing rings that cannot be repaired", where, warnings)
-    small = ~shapely.is_missing(shapes) & ~(shapely.area(shapes) > SMALLEST)
-    _count(int(small.sum()), "footprint", "of no area", where, warnings)
-    shapes[small] = None
-    return shapes
 
 
 def flat_rings(shapes: NDArray[np.object_]) -> Rings:
@@ -73,16 +45,27 @@ def flat_rings(shapes: NDArray[np.object_]) -> Rings:
     if nested.any():
         parts, inner = shapely.get_parts(parts, return_index=True)
         feature = feature[inner]
-        areas = shapely.get_type_id(parts) == 3
+    areas = (shapely.get_type_id(parts) == 3) & ~shapely.is_empty(parts)
+    if not areas.all():
         parts, feature = parts[areas], feature[areas]
-    lines, polygon = shapely.get_rings(parts, return_index=True)
-    sizes = shapely.get_num_coordinates(lines) - 1
-    points, ring = shapely.get_coordinates(lines, return_index=True)
-    last = np.append(ring[1:] != ring[:-1], True)
-    first_ring = np.searchsorted(polygon, np.arange(len(parts) + 1))
-    starts = np.concatenate([[0], np.cumsum(sizes)])
-    rings = Rings(points[~last], starts, first_ring.astype(np.int64), feature.astype(np.int64))
-    return _oriented(rings)
+    holes = shapely.get_num_interior_rings(parts)
+    starts = starts_of(_ring_sizes(parts, holes))
+    closing = starts[1:] + np.arange(len(starts) - 1)
+    points = np.delete(shapely.get_coordinates(parts), closing, axis=0)
+    return _oriented(Rings(points, starts, starts_of(holes + 1), feature.astype(np.int64)))
+
+
+def _ring_sizes(polygons: NDArray[np.object_], holes: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(r,) vertices of every ring, its closing one not counted.
+
+    Rings are made as objects only where there are holes, in 0.3 % of Tokyo's buildings; for all it would take 1.8 s.
+    """
+    import shapely
+
+    sizes = np.repeat(shapely.get_num_coordinates(polygons), holes + 1).astype(np.int64) - 1
+    several = shapely.get_rings(polygons[holes > 0])
+    sizes[np.repeat(holes > 0, holes + 1)] = shapely.get_num_coordinates(several) - 1
+    return sizes
 
 
 def next_in_ring(ring_start: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -112,18 +95,12 @@ def _oriented(rings: Rings) -> Rings:
     return Rings(rings.xy[order], rings.ring_start, rings.polygon_start, rings.polygon_feature)
 
 
-def _mended(shape: Any) -> Any:
-    """The shape without self-crossings, empty when nothing is left; None when it cannot be repaired."""
-    import shapely
-
-    try:
-        valid = shapely.make_valid(shape)
-        areas = [part for part in shapely.get_parts(valid) if part.geom_type in ("Polygon", "MultiPolygon")]
-        return shapely.union_all(areas)
-    except shapely.errors.GEOSException:
-        return None
+def starts_of(sizes: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(n + 1,): where things of these sizes begin, laid one after another, and where the last ends."""
+    return np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
 
 
-def _count(count: int, noun: str, why: str, where: str, warnings: list[str]) -> None:
-    if count:
-        warnings.append(f"{where}: left out {counted(count, noun)} {why}")
+def _stretches(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The numbers first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
+    starts = starts_of(last - first)
+    return np.arange(starts[-1]) + np.repeat(first - starts[:-1], last - first)

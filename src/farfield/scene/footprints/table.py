@@ -1,66 +1,61 @@
-"""Features of a vector file: shapes, columns and coordinate reference system."""
+"""Features of a vector file: shapes still encoded, columns, coordinate reference system."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.errors import InputError, MissingExtraError
-from farfield.scene.faults import EXPORT_AGAIN
+_MOST_KINDS = 65_536
+"""Different texts of a column; one with more is a column of names or numbers, where sharing gains nothing."""
+_STRETCH = 65_536
+"""Rows between two looks at the number of kinds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeatureTable:
-    """What a vector file holds."""
+    """What a vector file holds.
 
-    shapes: NDArray[np.object_]
-    """(n,) shapely geometries, None where a feature has none."""
+    Shapes stay encoded until their batch is drawn: 1.8 million buildings take 0.3 GB as WKB, 1.1 GB as shapely objects.
+    """
+
+    wkb: list[NDArray[np.object_]]
+    """Arrays of bytes, None where a feature has no shape; n together."""
     columns: dict[str, NDArray[Any]]
     """(n,) each; numbers, text (object) or ISO dates (object)."""
     crs: str | None
     """Authority code or WKT, or None."""
 
+    def __len__(self) -> int:
+        return sum(len(part) for part in self.wkb)
 
-def read_table(path: Path, layer: str | None) -> FeatureTable:
-    """All features of a GeoJSON, GeoPackage, FlatGeobuf or GeoParquet file. Raises InputError."""
-    if path.suffix.lower() in (".parquet", ".geoparquet"):
-        return _parquet(path)
-    import pyogrio
+    def batches(self, size: int, release: bool = False) -> Iterator[NDArray[np.object_]]:
+        """The shapes in order, at most `size` at a time: 2D shapely geometries, or None.
+
+        release: every batch forgets its WKB, so that the shapes can be drawn only once.
+        """
+        for part in self.wkb:
+            for first in range(0, len(part), size):
+                encoded = part[first : first + size]
+                yield _decoded(encoded)
+                if release:
+                    encoded[:] = None
+
+
+def _decoded(encoded: NDArray[np.object_]) -> NDArray[np.object_]:
     import shapely
 
-    try:
-        meta, _, raw, fields = pyogrio.raw.read(path, layer=layer, force_2d=True)
-    except (RuntimeError, ValueError, IndexError) as error:
-        raise InputError(_reason(str(error), layer), str(path), _hint(path, layer)) from error
-    if raw is None:
-        raise InputError("holds a table without shapes", str(path), "export the footprints with it")
-    columns = {str(name): _plain(column) for name, column in zip(meta["fields"], fields, strict=True)}
-    return FeatureTable(shapely.from_wkb(raw, on_invalid="ignore"), columns, meta["crs"])
+    shapes: NDArray[np.object_] = shapely.from_wkb(encoded, on_invalid="ignore")
+    high = shapely.has_z(shapes)
+    if high.any():
+        shapes[high] = shapely.force_2d(shapes[high])
+    return shapes
 
 
-def _reason(message: str, layer: str | None) -> str:
-    if layer is not None and "layer" in message.lower():
-        return f"has no layer {layer!r}"
-    return "is damaged: it cannot be read as a vector file"
-
-
-def _hint(path: Path, layer: str | None) -> str:
-    import pyogrio
-
-    if layer is None:
-        return EXPORT_AGAIN
-    try:
-        return "its layers: " + ", ".join(str(row[0]) for row in pyogrio.list_layers(path))
-    except RuntimeError:
-        return EXPORT_AGAIN
-
-
-def _plain(column: NDArray[Any]) -> NDArray[Any]:
+def plain(column: NDArray[Any]) -> NDArray[Any]:
     """Dates become ISO text; numbers and text stay."""
     if column.dtype.kind != "M":
         return column
@@ -69,41 +64,18 @@ def _plain(column: NDArray[Any]) -> NDArray[Any]:
     return text
 
 
-def _parquet(path: Path) -> FeatureTable:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError("GeoParquet needs pyarrow", "geo", str(path)) from error
-    import shapely
+def with_shared_text(column: NDArray[Any], known: dict[str, str]) -> NDArray[Any]:
+    """The column, its equal texts being one object: 8 bytes a row instead of about 70 where there are few kinds.
 
-    try:
-        table = pyarrow.parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError) as error:
-        raise InputError("is damaged: it cannot be read as Parquet", str(path), EXPORT_AGAIN) from error
-    header = json.loads((table.schema.metadata or {}).get(b"geo", b"{}"))
-    name = header.get("primary_column", "geometry")
-    if name not in table.column_names:
-        raise InputError("is Parquet without a column of shapes", str(path), "write it as GeoParquet")
-    about = header.get("columns", {}).get(name, {})
-    if about.get("encoding", "WKB") != "WKB":
-        raise InputError(f"stores shapes as {about['encoding']}", str(path), "write them as WKB")
-    raw = table.column(name).to_numpy()
-    shapes = shapely.force_2d(shapely.from_wkb(raw, on_invalid="ignore"))
-    others = [other for other in table.column_names if other != name and other != "bbox"]
-    columns = {other: _plain(table.column(other).to_numpy()) for other in others}
-    return FeatureTable(shapes, columns, _parquet_crs(about, path) if header else None)
-
-
-def _parquet_crs(about: dict[str, Any], path: Path) -> str | None:
-    """GeoParquet: PROJJSON; absent means longitude and latitude, null means unknown."""
-    if "crs" not in about:
-        return "OGC:CRS84"
-    crs = about["crs"]
-    if crs is None or isinstance(crs, str):
-        return crs
-    if "id" in crs:
-        return f"{crs['id']['authority']}:{crs['id']['code']}"
-    from farfield.scene.georeference import load_pyproj
-
-    return str(load_pyproj(str(path)).CRS.from_json_dict(crs).to_wkt())
+    known: the texts met so far in earlier parts of the same column; it is added to.
+    """
+    if column.dtype.kind != "O":
+        return column
+    shared = np.array(column)
+    for first in range(0, len(shared), _STRETCH):
+        if len(known) > _MOST_KINDS:
+            break
+        stretch = shared[first : first + _STRETCH]
+        texts = (known.setdefault(value, value) if type(value) is str else value for value in stretch)
+        stretch[:] = np.fromiter(texts, object, len(stretch))
+    return shared

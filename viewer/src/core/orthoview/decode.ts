@@ -34,7 +34,10 @@ export interface DecodedTile {
 /** Decodes a WebP file into RGBA bytes, width x height x 4. */
 export type ColorDecoder = (bytes: Uint8Array, width: number, height: number, where: string) => Promise<Uint8ClampedArray>;
 
-/** Reads an orthoview tile. Throws `corrupt` for anything but a whole one. */
+/**
+ * Reads an orthoview tile. Throws `corrupt` for anything but a whole one. Allocates at most 64 bytes a pixel of the rectangle, which is at
+ * most 4096 x 4096, and what `inflate` takes.
+ */
 export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: ColorDecoder): Promise<DecodedTile> {
   const header = readTile(bytes, where);
   const color = need(header, PLANE.color, "colour", where);
@@ -42,7 +45,9 @@ export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: 
   const rgba = await decodeColor(color.bytes, header.width, header.height, where);
   const depth = content(need(header, PLANE.depth, "depth", where), maskBytes(header) + 2 * header.valid, where);
   const normal = content(need(header, PLANE.normal, "normal", where), 2 * header.valid, where);
+  if (normal.some((residual) => residual > 63)) throw corrupt("a residual of the normals is beyond 63", where);
   const coverage = optional(header, PLANE.coverage, header.valid, where);
+  if (coverage?.some((code) => code > 127)) throw corrupt("a coverage byte is beyond 127", where);
   const flags = optional(header, PLANE.flags, (header.valid + 7) >> 3, where);
   const unlit = optional(header, PLANE.unlit, (header.valid + 7) >> 3, where);
   const pixels = validPixels(depth, header.width, header.height, header.valid);

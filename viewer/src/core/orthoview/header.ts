@@ -56,6 +56,7 @@ export function readTile(bytes: Uint8Array, where: string): TileHeader {
   const { width, height, valid } = header;
   const sane = width >= 1 && width <= LARGEST && height >= 1 && height <= LARGEST && valid >= 1;
   if (!sane || valid > width * height) throw corrupt("tile of an impossible size", where);
+  if (header.layer > 1 || view.getUint16(34, true) !== 0) throw corrupt("not a tile of version 1", where);
   return { ...header, planes: readPlanes(bytes, view, view.getUint16(32, true), where) };
 }
 
@@ -74,6 +75,7 @@ function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: str
     const end = at + view.getUint32(entry + 4, true);
     if (end > bytes.length) throw corrupt("tile is cut short", where);
     if (planes.has(kind)) throw corrupt(`plane ${kind} is there twice`, where);
+    if (view.getUint16(entry + 2, true) !== 0) throw corrupt(`plane ${kind} is not of version 1`, where);
     if (known(kind) && (kind === PLANE.color ? codec !== WEBP : codec > DEFLATE)) throw corrupt(`plane ${kind} in an unknown codec`, where);
     planes.set(kind, { bytes: bytes.subarray(at, end), deflated: codec === DEFLATE });
     at = end;

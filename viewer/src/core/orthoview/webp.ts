@@ -15,7 +15,8 @@ export function checkWebp(bytes: Uint8Array, width: number, height: number, wher
     view.getUint32(8, true) === WEBP &&
     view.getUint32(12, true) === VP8 &&
     view.getUint32(4, true) + 8 === bytes.length &&
-    view.getUint32(16, true) + 12 <= view.getUint32(4, true) &&
+    // Nothing but this one chunk, padded to an even length.
+    view.getUint32(4, true) === view.getUint32(16, true) + (view.getUint32(16, true) & 1) + 12 &&
     bytes[FRAME_AT + 3] === 0x9d && bytes[FRAME_AT + 4] === 0x01 && bytes[FRAME_AT + 5] === 0x2a;
   if (!simple) throw corrupt("the colour is no simple lossy WebP", where);
   const [columns, rows] = [view.getUint16(26, true) & 0x3fff, view.getUint16(28, true) & 0x3fff];

@@ -1,5 +1,6 @@
 import type { BufferAttribute, BufferGeometry, Material, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Texture } from "three";
 import { GLTFLoader, type GLTFParser } from "three/addons/loaders/GLTFLoader.js";
+import { checkGlb } from "../../core/decode/glb.js";
 import { corrupt } from "../../core/errors.js";
 import type { NearModel, NearPart, NearSurface, Placements } from "./model.js";
 import { textureBytes, type TextureShelf } from "./textures.js";
@@ -9,10 +10,12 @@ const BLEND_CUTOFF = 0.5;
 const TEXTURE_HASH = /(?:^|\/)texture\/([0-9a-f]+)$/;
 
 /**
- * Reads a GLB of the world (spec/world.md, Geometry of a leaf). Positions are taken as they are stored: z up, which the
+ * Reads a GLB of the world (spec/world.md, Geometry of a leaf), once `checkGlb` has found nothing in it that the general
+ * reader of glTF would follow too far. Positions are taken as they are stored: z up, which the
  * file's root node would turn. Rejects with `corrupt`.
  */
 export async function parseNearModel(bytes: Uint8Array, where: string, shelf: TextureShelf): Promise<NearModel> {
+  checkGlb(bytes, where);
   const taken: (() => void)[] = [];
   const loader = new GLTFLoader();
   loader.register((parser) => ({

@@ -1,8 +1,8 @@
 import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture } from "three";
 import type { DecodePool } from "../../core/decode/pool.js";
 import { FarfieldError } from "../../core/errors.js";
-import type { Fetcher } from "../../core/fetch.js";
 import { textureKey } from "../../core/keys.js";
+import type { Source } from "../../core/source.js";
 
 interface Entry {
   readonly texture: Promise<Texture>;
@@ -14,7 +14,7 @@ export class TextureShelf {
   private readonly entries = new Map<string, Entry>();
 
   constructor(
-    private readonly fetcher: Fetcher,
+    private readonly source: Source,
     private readonly pool: DecodePool,
   ) {}
 
@@ -37,7 +37,7 @@ export class TextureShelf {
   private async load(hash: string, cutout: boolean): Promise<Texture> {
     // Without the signal of the first who asks: others may be waiting for the same image.
     const { signal } = new AbortController();
-    const bytes = await this.fetcher.get(textureKey(hash), signal);
+    const bytes = await this.source.get(textureKey(hash), signal);
     const texture = cutout ? await this.cutoutOf(bytes, hash, signal) : await opaqueOf(bytes, hash);
     texture.colorSpace = SRGBColorSpace;
     texture.flipY = false;

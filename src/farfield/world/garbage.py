@@ -1,0 +1,99 @@
+"""Dropping what no longer belongs to a world: tiles of old generations, and notes about cells that are gone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from farfield.progress import NoProgress, Progress
+from farfield.store.contract import Store
+from farfield.world import keys
+from farfield.world.index import decode_index
+from farfield.world.manifest import read_manifest
+from farfield.world.reach import first_index_tiles, parted, textures_of
+
+_CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
+_OF_CELL = re.compile(rf"(orthoview|objects|geometry|index|record)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
+_SHARED = re.compile(r"(mesh|texture|attributes)/([0-9a-f]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """What was dropped, or would be."""
+
+    keys: int
+    bytes: int
+
+
+@dataclass(slots=True)
+class _Living:
+    """What the current generation names. Some 300 bytes a cell."""
+
+    named: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Kind → cell → hash."""
+    shared: set[str] = field(default_factory=set)
+    """Keys of meshes, textures and attributes."""
+
+    def holds(self, key: str) -> bool:
+        """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
+        if found := _OF_CELL.fullmatch(key):
+            kind, cell, name = found.groups()
+            return cell in self.named["orthoview"] if kind == "record" else self.named[kind].get(cell) == name
+        return key in self.shared or _SHARED.fullmatch(key) is None
+
+
+def drop_garbage(store: Store, dry: bool = False, progress: Progress | None = None) -> Dropped:
+    """Removes the values that the world in `store` does not name. dry: only counts them.
+
+    The viewer's files and whatever else lies there stay. Nothing is removed when any part of the index, or of the
+    geometry that names images, cannot be read.
+    Raises NotAWorldError, CorruptTileError, StoreError (a bake is under way among them).
+    """
+    progress = progress or NoProgress()
+    with store.writing():
+        living = _living(store, progress)
+        progress.start(None, "values looked at")
+        count = size = 0
+        for key in store.list():
+            progress.advance()
+            if living.holds(key):
+                continue
+            count += 1
+            size += store.size(key)
+            if not dry:
+                store.delete(key)
+        progress.finish()
+    return Dropped(count, size)
+
+
+def _living(store: Store, progress: Progress) -> _Living:
+    manifest = read_manifest(store)
+    living = _Living({kind: {} for kind in ("orthoview", "objects", "geometry", "index")})
+    if manifest.attributes:
+        living.shared.add(f"attributes/{manifest.attributes}")
+    pending = first_index_tiles(manifest)
+    progress.start(None, "cells read")
+    while pending:
+        cell, name = pending.pop()
+        living.named["index"][str(cell)] = name
+        key = keys.index_key(cell, name)
+        below, entries = parted(decode_index(store.get(key), key))
+        pending += below
+        for entry in entries:
+            living.named["orthoview"][entry.key] = living.named["objects"][entry.key] = entry.hash
+            if entry.geometry:
+                living.named["geometry"][entry.key] = entry.geometry.hash
+                _add_shared(store, living, keys.geometry_key(entry.cell, entry.geometry.hash))
+                for mesh, _ in entry.geometry.meshes:
+                    _add_shared(store, living, keys.mesh_key(mesh))
+            progress.advance()
+    progress.finish()
+    return living
+
+
+def _add_shared(store: Store, living: _Living, key: str) -> None:
+    """A GLB, if it is shared, and the images it names."""
+    if key in living.shared:
+        return
+    living.shared.add(key)
+    living.shared.update(keys.texture_key(name) for name in textures_of(store.get(key), key))

@@ -1,0 +1,119 @@
+"""Ways into a value: what lies inside is damaged, and lengths and checksums are made right around it.
+
+Without them a checksum would refuse nearly every damaged value, and nothing behind it would ever be tried.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from farfield.represent.orthoview import container
+from farfield.represent.orthoview.container import DEFLATE, WEBP, Plane
+
+
+@dataclass(frozen=True, slots=True)
+class Shell:
+    """What surrounds a part of a value."""
+
+    name: str
+    open: Callable[[bytes], bytes | None]
+    """The part of a valid value; None when it has none."""
+    close: Callable[[bytes, bytes], bytes]
+    """A valid value and what replaces its part: the value with it."""
+    json: bool = False
+    """The part is JSON: its nodes are damaged as well as its bytes."""
+
+
+BARE = Shell("bare", lambda value: value, lambda _, part: part)
+"""Nothing is made right: what accidents do."""
+BARE_JSON = Shell("bare", lambda value: value, lambda _, part: part, json=True)
+
+
+def deflated(content: bytes) -> bytes:
+    """A deflate stream without header."""
+    stream = zlib.compressobj(6, zlib.DEFLATED, -15)
+    return stream.compress(content) + stream.flush()
+
+
+def sealed(tile: bytes) -> bytes:
+    """An orthoview or object tile with a right checksum."""
+    if len(tile) < 40:
+        return tile
+    empty = tile[:36] + bytes(4) + tile[40:]
+    return empty[:36] + struct.pack("<I", zlib.crc32(empty)) + empty[40:]
+
+
+SEALED = Shell("sealed", lambda value: value, lambda _, part: sealed(part))
+
+
+def plane(kind: int) -> Shell:
+    """The content of one plane of a tile."""
+
+    def opened(tile: bytes) -> bytes | None:
+        found = container.unpack(tile, tile[:4], "")[1].get(kind)
+        if found is None or found.codec != DEFLATE:
+            return None if found is None else found.stored
+        return zlib.decompress(found.stored, -15)
+
+    def close(tile: bytes, part: bytes) -> bytes:
+        header, planes = container.unpack(tile, tile[:4], "")
+        codec = WEBP if planes[kind].codec == WEBP else DEFLATE
+        planes[kind] = Plane(kind, codec, part if codec == WEBP else deflated(part))
+        return container.pack(tile[:4], header, list(planes.values()))
+
+    return Shell(f"plane {kind}", opened, close)
+
+
+def _index_close(tile: bytes, text: bytes) -> bytes:
+    return tile[:8] + struct.pack("<II", len(text), zlib.crc32(text)) + deflated(text)
+
+
+INDEX_TEXT = Shell("text", lambda tile: zlib.decompress(tile[16:], -15), _index_close, json=True)
+
+
+def _header_closed(_: bytes, part: bytes) -> bytes:
+    return part[:-4] + struct.pack("<I", zlib.crc32(part[:-4]))
+
+
+HEADER = Shell("header", lambda header: header, _header_closed)
+
+
+def _directory_close(block: bytes, columns: bytes) -> bytes:
+    return struct.pack("<I", len(columns)) + block[4:8] + deflated(columns)
+
+
+DIRECTORY_COLUMNS = Shell("columns", lambda block: zlib.decompress(block[8:], -15), _directory_close)
+
+
+def _chunks(glb: bytes) -> tuple[bytes, bytes]:
+    """JSON and body of a GLB."""
+    (length,) = struct.unpack_from("<I", glb, 12)
+    return glb[20 : 20 + length], glb[28 + length :]
+
+
+def _glb(text: bytes, body: bytes) -> bytes:
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+GLB_JSON = Shell("json", lambda glb: _chunks(glb)[0], lambda glb, part: _glb(part, _chunks(glb)[1]), json=True)
+GLB_BODY = Shell("body", lambda glb: _chunks(glb)[1], lambda glb, part: _glb(_chunks(glb)[0], part))
+
+
+def _png_sealed(data: bytes) -> bytes:
+    """A PNG with the right checksum behind every chunk that can be found."""
+    fixed, at = bytearray(data), 8
+    while at + 12 <= len(fixed):
+        end = at + 8 + int.from_bytes(fixed[at : at + 4], "big")
+        if end + 4 > len(fixed):
+            break
+        fixed[end : end + 4] = zlib.crc32(fixed[at + 4 : end]).to_bytes(4, "big")
+        at = end + 4
+    return bytes(fixed)
+
+
+PNG = Shell("png", lambda data: data if data[1:4] == b"PNG" else None, lambda _, part: _png_sealed(part))

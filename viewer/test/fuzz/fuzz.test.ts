@@ -1,0 +1,222 @@
+/**
+ * Whatever bytes hold: every decoder reads them or throws the project's own error, in time and in bounded memory. A seed and a number
+ * make a case; the Python twin is tests/fuzz.
+ */
+import { readFileSync } from "node:fs";
+import { runInThisContext } from "node:vm";
+import { constants, deflateRawSync } from "node:zlib";
+import { unzipSync } from "fflate";
+import { Texture } from "three";
+import { beforeAll, describe, expect, it, vi } from "vitest";
+import { Cell, SharedMeshes } from "../../src/core/cell.js";
+import { checkGlb } from "../../src/core/decode/glb.js";
+import { FarfieldError } from "../../src/core/errors.js";
+import { unpack } from "../../src/core/fetch.js";
+import { parseKey } from "../../src/core/grid.js";
+import { decodeIndexTile, type CellEntry } from "../../src/core/indextile.js";
+import { inflate } from "../../src/core/inflate.js";
+import { decodeManifest } from "../../src/core/manifest.js";
+import { decodeTile, WORDS } from "../../src/core/orthoview/decode.js";
+import { PLANE } from "../../src/core/orthoview/header.js";
+import { parseNearModel } from "../../src/three/near/parse.js";
+import type { TextureShelf } from "../../src/three/near/textures.js";
+import { listVectors, readVector } from "../vectors.js";
+import { joined, mutated, mutatedJson, Random } from "./mutate.js";
+import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, plane, SEALED, type Shell } from "./shells.js";
+
+const SAMPLE = 250;
+const SECONDS = 2;
+const ROOM = 16 << 20;
+/** The `inflate` of a long stream takes this besides, for a moment. */
+const INFLATE_ROOM = 128 << 20;
+
+interface Decoder {
+  readonly name: string;
+  decode(bytes: Uint8Array): unknown;
+  readonly corpus: readonly Uint8Array[];
+  readonly shells: readonly Shell[];
+  /** Bytes that it may take at most. */
+  bound(bytes: Uint8Array): number;
+}
+
+const GOLDEN = unzipSync(readFileSync(new URL("../../../tests/fixtures/world-v1.zip", import.meta.url)));
+const below = (folder: string): Uint8Array[] => Object.keys(GOLDEN).filter((name) => name.startsWith(folder)).sort().map((name) => GOLDEN[name]!);
+const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
+const manifest = decodeManifest(text(GOLDEN["world.json"]!), "");
+const u32At = (bytes: Uint8Array, at: number): number => (bytes.length < at + 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset).getUint32(at, true));
+
+/** Node has no decoder of WebP. */
+const grey = (_: Uint8Array, width: number, height: number): Promise<Uint8ClampedArray> =>
+  Promise.resolve(new Uint8ClampedArray(width * height * 4).fill(99));
+const shelf = { acquire: () => Promise.resolve(new Texture({ width: 1, height: 1 })), release: () => undefined } as unknown as TextureShelf;
+
+async function orthoview(bytes: Uint8Array): Promise<void> {
+  const { width, height, count, pixels } = await decodeTile(bytes, "tile", grey);
+  expect(pixels.length).toBe(count * WORDS);
+  for (let k = 0; k < pixels.length; k += WORDS) {
+    const [column, row] = [pixels[k]! & 4095, (pixels[k]! >>> 12) & 4095];
+    if (column >= width || row >= height || pixels[k + 2]! >>> 21 !== 0) throw new Error("a pixel outside the tile");
+  }
+}
+
+/** Reads an index tile into cells, as the viewer does. */
+function index(bytes: Uint8Array): void {
+  const entries = new Map<string, CellEntry>(decodeIndexTile(bytes, "index").map((entry) => [entry.key, entry]));
+  const root = new Cell(parseKey([...entries.keys()][0]!), null, manifest.grid);
+  root.read(entries, new SharedMeshes(), "index");
+}
+
+/** Bytes deflated behind their length. */
+const stream = (content: Uint8Array): Uint8Array => joined(new Uint8Array(Uint32Array.of(content.length).buffer), deflated(content));
+const STREAM: Shell = { name: "stream", open: (value) => inflate(value.subarray(4), u32At(value, 0), ""), close: (_, part) => stream(part) };
+
+const DECODERS: readonly Decoder[] = [
+  {
+    name: "orthoview",
+    decode: orthoview,
+    corpus: [...listVectors("tiles", ".ffov").map((name) => readVector(`tiles/${name}`)), ...below("orthoview").slice(0, 8)],
+    shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).map(plane)],
+    bound: (bytes) => 64 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
+  },
+  { name: "index", decode: index, corpus: below("index"), shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
+  { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },
+  {
+    name: "inflate",
+    decode: (bytes) => inflate(bytes.subarray(4), u32At(bytes, 0) % (1 << 24), "stream"),
+    corpus: [stream(new Random(1).bytes(3000)), stream(new Uint8Array(70_000)), stream(new Random(2).bytes(100_000).map((byte) => byte >> 4))],
+    shells: [BARE, BARE, STREAM],
+    bound: (bytes) => (u32At(bytes, 0) % (1 << 24)) + INFLATE_ROOM,
+  },
+  {
+    name: "batch",
+    decode: (bytes) => unpack(bytes, ["a", "b", "c"], "batch"),
+    corpus: [joined(Uint8Array.of(3, 0, 0, 0, 1, 2, 3, 255, 255, 255, 255, 0, 0, 0, 0))],
+    shells: [BARE],
+    bound: () => 0,
+  },
+  { name: "checkGlb", decode: (bytes) => checkGlb(bytes, "glb"), corpus: [...below("geometry"), ...below("mesh")], shells: [BARE, GLB_JSON, GLB_JSON, GLB_BODY], bound: (bytes) => 64 * bytes.length },
+  { name: "near model", decode: (bytes) => parseNearModel(bytes, "glb", shelf), corpus: [...below("geometry"), ...below("mesh")], shells: [GLB_JSON, GLB_JSON, GLB_BODY], bound: (bytes) => 64 * bytes.length },
+];
+
+function makeCase({ corpus, shells }: Decoder, random: Random): Uint8Array {
+  const [value, other] = [random.choice(corpus), random.choice(corpus)];
+  const shell = random.choice(shells);
+  const part = shell.open(value);
+  if (part === null) return mutated(value, other, random);
+  if (shell.json && random.next() < 0.8) return shell.close(value, new TextEncoder().encode(mutatedJson(text(part), random)));
+  return shell.close(value, mutated(part, shell.open(other) ?? other, random));
+}
+
+/** What runs is interrupted when the time is up; what goes on after an `await` is only timed. */
+function interruptible(run: () => unknown): unknown {
+  const holder = globalThis as { runCase?: () => unknown };
+  holder.runCase = run;
+  return runInThisContext("runCase()", { timeout: SECONDS * 1000 });
+}
+
+const held = (): number => {
+  const { arrayBuffers, heapUsed } = process.memoryUsage();
+  return arrayBuffers + heapUsed;
+};
+
+/** Whether the bytes were read (or else refused). Throws what a decoder must not throw. */
+async function judge(decoder: Decoder, bytes: Uint8Array, name: string): Promise<boolean> {
+  const [before, began] = [held(), performance.now()];
+  let read = true;
+  try {
+    await interruptible(() => decoder.decode(bytes));
+  } catch (error) {
+    if (!(error instanceof FarfieldError)) throw new Error(`${name}: ${String(error)}`, { cause: error });
+    read = false;
+  }
+  expect(performance.now() - began, `${name}: milliseconds`).toBeLessThan(SECONDS * 1000);
+  expect(held() - before, `${name}: bytes`).toBeLessThan(decoder.bound(bytes) + ROOM);
+  return read;
+}
+
+describe.each(DECODERS)("$name", (decoder) => {
+  // What three says of damaged materials.
+  beforeAll(() => void vi.spyOn(console, "warn").mockReturnValue());
+
+  it("reads valid values", async () => {
+    for (const value of decoder.corpus) {
+      for (const shell of decoder.shells) {
+        const part = shell.open(value);
+        expect(await judge(decoder, part ? shell.close(value, part) : value, shell.name)).toBe(true);
+      }
+    }
+  });
+
+  it("reads or refuses damaged ones", async () => {
+    let read = 0;
+    for (let number = 0; number < SAMPLE; number++) {
+      read += Number(await judge(decoder, makeCase(decoder, new Random(number)), `case ${number}`));
+    }
+    // Damage that is never read only ever meets the first check.
+    expect(read).toBeGreaterThan(SAMPLE / 50);
+    expect(read).toBeLessThan(SAMPLE);
+  }, 60_000);
+});
+
+describe("what was found", () => {
+  const refuses = (run: () => unknown, says: string): void => {
+    expect(() => interruptible(run)).toThrow(expect.objectContaining({ tag: "corrupt", what: expect.stringContaining(says) }));
+  };
+
+  it("a bomb of a gigabyte is given up at once", () => {
+    // Blocks that end on a byte and refer to nothing before them can be put one behind another.
+    const block = new Uint8Array(deflateRawSync(new Uint8Array(1 << 24), { finishFlush: constants.Z_FULL_FLUSH }));
+    const bomb = joined(...new Array<Uint8Array>(64).fill(block));
+    const before = process.memoryUsage().arrayBuffers;
+    refuses(() => inflate(bomb, 1000, "bomb"), "does not unpack");
+    expect(process.memoryUsage().arrayBuffers - before).toBeLessThan(INFLATE_ROOM);
+  });
+
+  it("streams longer than a piece come out whole", () => {
+    const content = new Random(3).bytes(300_000).map((byte) => byte >> 3);
+    expect(inflate(deflated(content), content.length, "")).toEqual(content);
+    for (const length of [content.length - 1, content.length + 1]) refuses(() => inflate(deflated(content), length, ""), "does not unpack");
+    refuses(() => inflate(deflated(content).slice(0, -9), content.length, ""), "unpack");
+  });
+
+  const cell = (key: string, children: string[], more = {}): object => ({ key, bounds: [[0, 0, 0], [1, 1, 1]], error: 1, children, ...more });
+  const tile = (root: string, cells: object[]): Uint8Array =>
+    INDEX_TEXT.close(below("index")[0]!, new TextEncoder().encode(JSON.stringify({ root, cells })));
+
+  it("cells below themselves or below two parents", () => {
+    refuses(() => index(tile("1/0/0/0", [cell("1/0/0/0", ["1/0/0/0"])])), "cannot be");
+    refuses(() => index(tile("1/0/0/0", [cell("1/0/0/0", ["0/0/0/0"])])), "without the cells");
+    refuses(() => index(tile("1/-1/0/0", [cell("1/-1/0/0", ["0/0/0/0"]), cell("0/0/0/0", [])])), "not below");
+    refuses(() => index(tile("1/0/0/0", [cell("1/0/0/0", [], { hash: "../../.." })])), "cannot be");
+    refuses(() => index(tile("1/0/0/0", [cell("1/0/0/0", []), cell("1/0/0/0", [])])), "once");
+  });
+
+  const changed = (change: (json: Record<string, never[]>) => void): Uint8Array => {
+    const glb = below("mesh")[0]!;
+    const json = JSON.parse(text(GLB_JSON.open(glb)!)) as Record<string, never[]>;
+    change(json);
+    return GLB_JSON.close(glb, new TextEncoder().encode(JSON.stringify(json)));
+  };
+
+  it.each<[string, Record<string, unknown>]>([
+    ["an image", { images: [{ uri: "https://example.org/pixel.png" }] }],
+    ["an image", { images: [{ uri: "../texture/../secret" }] }],
+    ["a buffer", { buffers: [{ uri: "https://example.org/a.bin", byteLength: 4 }] }],
+    ["a node", { nodes: [{ children: [0] }] }],
+    ["an accessor", { accessors: [{ componentType: 5126, count: 2 ** 30, type: "VEC4" }] }],
+    ["an accessor", { accessors: [{ bufferView: 0, componentType: 5126, count: 1, type: "VEC4", sparse: {} }] }],
+    ["more than", { animations: [{}] }],
+    ["a primitive", { meshes: [{ primitives: [{ attributes: { POSITION: 99 }, indices: 0 }] }] }],
+  ])("%s that a reader of glTF would follow", (says, members) => {
+    refuses(() => checkGlb(changed((json) => Object.assign(json, members)), "glb"), says);
+  });
+
+  it("near models are checked before they are read", async () => {
+    const glb = changed((json) => Object.assign(json, { images: [{ uri: "https://example.org/pixel.png" }] }));
+    await expect(parseNearModel(glb, "glb", shelf)).rejects.toMatchObject({ tag: "corrupt", what: "near geometry is damaged: an image" });
+  });
+
+  it("views that share the bytes of the file", () => {
+    refuses(() => checkGlb(changed(({ bufferViews }) => bufferViews!.push(...bufferViews!)), "glb"), "share their bytes");
+  });
+});

@@ -1,0 +1,80 @@
+/** Ways into a value: a part of it is damaged, and lengths and checksums are made right around it (tests/fuzz/shells.py). */
+import { deflateRawSync, inflateRawSync } from "node:zlib";
+import { crc32 } from "../../src/core/crc32.js";
+import { readTile } from "../../src/core/orthoview/header.js";
+import { joined } from "./mutate.js";
+
+export interface Shell {
+  readonly name: string;
+  /** The part of a valid value; null when it has none. */
+  open(value: Uint8Array): Uint8Array | null;
+  /** A valid value and what replaces its part. */
+  close(value: Uint8Array, part: Uint8Array): Uint8Array;
+  /** The part is JSON: its nodes are damaged as well. */
+  readonly json?: boolean;
+}
+
+export const BARE: Shell = { name: "bare", open: (value) => value, close: (_, part) => part };
+export const BARE_JSON: Shell = { ...BARE, json: true };
+
+const u32 = (...numbers: number[]): Uint8Array => new Uint8Array(Uint32Array.from(numbers).buffer);
+export const deflated = (content: Uint8Array): Uint8Array => new Uint8Array(deflateRawSync(content));
+
+/** A tile with a right checksum. */
+export function sealed(tile: Uint8Array): Uint8Array {
+  if (tile.length < 40) return tile;
+  const empty = joined(tile.slice(0, 36), new Uint8Array(4), tile.slice(40));
+  empty.set(u32(crc32(empty)), 36);
+  return empty;
+}
+
+export const SEALED: Shell = { ...BARE, name: "sealed", close: (_, part) => sealed(part) };
+
+/** The content of one plane of a tile. */
+export function plane(kind: number): Shell {
+  return {
+    name: `plane ${kind}`,
+    open: (tile) => {
+      const found = readTile(tile, "").planes.get(kind);
+      return found ? (found.deflated ? new Uint8Array(inflateRawSync(found.bytes)) : found.bytes) : null;
+    },
+    close: (tile, part) => {
+      const planes = [...readTile(tile, "").planes];
+      const stored = planes.map(([name, { bytes, deflated: packed }]) => (name !== kind ? bytes : packed ? deflated(part) : part));
+      const header = tile.slice(0, 40 + 8 * planes.length);
+      stored.forEach((bytes, n) => header.set(u32(bytes.length), 44 + 8 * n));
+      return sealed(joined(header, ...stored));
+    },
+  };
+}
+
+export const INDEX_TEXT: Shell = {
+  name: "text",
+  open: (tile) => new Uint8Array(inflateRawSync(tile.subarray(16))),
+  close: (tile, text) => joined(tile.slice(0, 8), u32(text.length, crc32(text)), deflated(text)),
+  json: true,
+};
+
+function chunks(glb: Uint8Array): { text: Uint8Array; body: Uint8Array } {
+  const length = new DataView(glb.buffer, glb.byteOffset).getUint32(12, true);
+  return { text: glb.slice(20, 20 + length), body: glb.slice(28 + length) };
+}
+
+function glbOf(text: Uint8Array, body: Uint8Array): Uint8Array {
+  const padded = joined(text, new Uint8Array((4 - (text.length % 4)) % 4).fill(32));
+  const total = 28 + padded.length + body.length;
+  return joined(u32(0x46546c67, 2, total, padded.length, 0x4e4f534a), padded, u32(body.length, 0x004e4942), body);
+}
+
+export const GLB_JSON: Shell = {
+  name: "json",
+  open: (glb) => chunks(glb).text,
+  close: (glb, text) => glbOf(text, chunks(glb).body),
+  json: true,
+};
+
+export const GLB_BODY: Shell = {
+  name: "body",
+  open: (glb) => chunks(glb).body,
+  close: (glb, body) => glbOf(chunks(glb).text, body),
+};
