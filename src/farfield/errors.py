@@ -7,7 +7,8 @@ FarfieldError
 ├── WorldError            the world on disk is at fault
 │   ├── NotAWorldError    there is no world there, or something else is
 │   ├── VersionError      the world was written by a newer version: upgrade farfield
-│   └── CorruptTileError  one tile cannot be read: the rest of the world still can; `farfield verify`
+│   ├── CorruptTileError  one tile cannot be read: the rest of the world still can; `farfield verify`
+│   └── ClusterError      the machines that bake it fail: start or mend them, and bake again
 ├── StoreError            the storage failed: disk full, no permission, server away
 │   ├── MissingKeyError   nothing is stored under that key: take another, or go without
 │   └── DamagedValueError a value is not what was stored (a CorruptTileError too): the others can still be read
@@ -69,6 +70,10 @@ class VersionError(WorldError):
 
 class CorruptTileError(WorldError):
     """A tile is truncated, altered or missing."""
+
+
+class ClusterError(WorldError):
+    """A world cannot be baked on a cluster: its scheduler, its workers, or what is installed there."""
 
 
 class StoreError(FarfieldError):

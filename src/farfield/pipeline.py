@@ -36,9 +36,13 @@ def bake_sources(
 ) -> dict[str, Any]:
     """Reads `sources`, bakes them into the folder or bucket `output`, the viewer beside; the facts of `bake --json`.
 
-    Raises InputError, OptionError, NotAWorldError (the folder holds something else) or StoreError.
+    Raises InputError, OptionError, WorldError (NotAWorldError: the folder holds something else; ClusterError: the
+    scheduler or its workers fail) or StoreError.
     """
     progress = progress or NoProgress()
+    if options is not None and options.scheduler:
+        # The workers have current folders of their own.
+        sources = [source.absolute() for source in sources]
     store = open_store(output, create=True)
     scene = read_scene(sources)
     options = options or BakeOptions()
@@ -119,7 +123,9 @@ _ORDER_KEY = "record/order.json"
 
 
 def _remember(store: Store, sources: Sequence[Path], options: BakeOptions) -> None:
-    order = _Order(tuple(str(Path(source).resolve()) for source in sources), options)
+    # Who does the work is of no matter for the world, and a cluster may be gone when it is repaired.
+    anywhere = replace(options, workers=0, scheduler="")
+    order = _Order(tuple(str(Path(source).resolve()) for source in sources), anywhere)
     store.put(_ORDER_KEY, msgspec.json.encode(order))
 
 

@@ -54,14 +54,14 @@ def bake(
     """Bakes `scene` into the world in `store`; what an interrupted bake of the same input had finished is kept.
 
     Raises InputError when nothing in the scene can be baked, StoreError when the store fails or another bake is
-    writing to it.
+    writing to it, WorldError when workers die (ClusterError for anything that is wrong with a cluster).
     """
     options, progress = options or BakeOptions(), progress or NoProgress()
     begun = time.monotonic()
     for warning in scene.warnings:
         progress.note(warning)
     with store.writing():
-        with crew_of(scene, store, _workers(options)) as crew:
+        with crew_of(scene, store, _workers(options), options.scheduler) as crew:
             summaries = survey(crew.survey(len(scene.meshes)), len(scene.meshes), progress)
             plan = make_plan(scene, summaries, options)
             progress.note(_choices(plan))

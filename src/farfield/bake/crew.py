@@ -1,4 +1,4 @@
-"""Who does the work of a bake: this process alone, or worker processes."""
+"""Who does the work of a bake: this process alone, worker processes, or a cluster (bake.cluster)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Protocol
 
 from farfield.bake.context import BakeJob
 from farfield.bake.survey import Surveyed
-from farfield.bake.worker import Branch, Outcome, Worker, bake_here, begin_worker, survey_here, write_job
-from farfield.errors import WorldError
+from farfield.bake.worker import Branch, Outcome, Worker, bake_here, begin_worker, pack_job, survey_here
+from farfield.errors import MissingExtraError, WorldError
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
 
@@ -39,23 +39,44 @@ class Crew(Protocol):
         ...
 
     def give(self, branch: Branch) -> None:
-        """Adds a branch to the work; those given earlier are begun earlier."""
+        """Adds a branch to the work; subtrees given earlier are begun earlier."""
         ...
 
     def done(self) -> Iterator[Outcome]:
         """The branches as they are finished, until none is left; more may be given meanwhile.
 
-        Raises WorldError when a worker process dies, and what the work itself raises.
+        Raises WorldError when the work cannot go on because workers die, and what the work itself raises.
         """
         ...
 
 
 @contextmanager
-def crew_of(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
-    """The crew for a number of workers; 1: this process. At the end it finishes what it has begun, and goes."""
-    if workers <= 1:
+def crew_of(scene: Scene, store: Store, workers: int, scheduler: str = "") -> Iterator[Crew]:
+    """The crew for a number of workers; 1: this process. At the end it finishes what it has begun, and goes.
+
+    scheduler: address of a Dask scheduler, whose workers do the work instead. Raises MissingExtraError, and what
+    `bake.cluster.cluster_at` raises.
+    """
+    if scheduler:
+        with _cluster(scene, store, scheduler) as cluster:
+            yield cluster
+    elif workers <= 1:
         yield Alone(scene, store)
-        return
+    else:
+        with _processes(scene, store, workers) as processes:
+            yield processes
+
+
+def _cluster(scene: Scene, store: Store, scheduler: str) -> AbstractContextManager[Crew]:
+    try:
+        from farfield.bake.cluster import cluster_at
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("a cluster needs Dask.distributed", "cluster", scheduler) from error
+    return cluster_at(scene, store, scheduler)
+
+
+@contextmanager
+def _processes(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
     with tempfile.TemporaryDirectory(prefix="farfield-") as folder:
         crew = Processes(scene, store, workers, Path(folder) / "job")
         try:
@@ -64,6 +85,11 @@ def crew_of(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
             raise WorldError("a worker process was killed", "", _LOST) from None
         finally:
             crew.dismiss()
+
+
+def meshes_at_once(count: int, size: int) -> int:
+    """How many of `count` meshes a crew surveys in one piece of work: few, so that all of it end together."""
+    return max(1, min(16, count // (4 * size)))
 
 
 class Alone:
@@ -110,7 +136,7 @@ class Processes:
         if count == 1 and self._alone is not None:
             return self._alone.survey(count)
         pool = self._started()
-        return pool.map(survey_here, range(count), chunksize=max(1, min(16, count // (4 * self.size))))
+        return pool.map(survey_here, range(count), chunksize=meshes_at_once(count, self.size))
 
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`."""
@@ -118,7 +144,7 @@ class Processes:
             self._alone.begin(job)
         else:
             self._started()
-            write_job(self._job, job)
+            self._job.write_bytes(pack_job(job))
 
     def give(self, branch: Branch) -> None:
         """See `Crew.give`."""

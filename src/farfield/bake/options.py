@@ -34,6 +34,8 @@ class BakeOptions:
     """Lower corner of cell 0/0/0/0, local metres, for a grid that is given; None: just below the scene."""
     workers: int = 0
     """Worker processes; 0: one for each processor."""
+    scheduler: str = ""
+    """Address of a Dask scheduler whose workers bake instead, such as tcp://host:8786; empty: this machine bakes."""
     geometry: bool = True
     """Whether near geometry is written."""
     object_ids: bool = True
@@ -50,6 +52,10 @@ class BakeOptions:
             raise OptionError(f"{self.quality!r} is not a preset", "--quality", f"one of {', '.join(QUALITIES)}")
         if not 1 <= self.samples <= 8:
             raise OptionError(f"{self.samples} samples", "samples", "1 to 8 along each axis")
+        if self.scheduler and self.workers:
+            raise OptionError(
+                f"{self.workers} workers beside a scheduler", "--workers", "leave it out: the cluster's workers bake"
+            )
         parse(self.directions)
 
     def direction_list(self) -> tuple[Direction, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from farfield.bake.cell import BakedCell
 from farfield.bake.context import BakeContext, BakeJob
+from farfield.bake.kept import KeptTiles
 from farfield.bake.survey import MeshCache, Surveyed, survey_mesh
 from farfield.bake.walk import Children, bake_parent, bake_subtree
 from farfield.octree.grid import CellKey
@@ -42,14 +43,28 @@ class Outcome:
     seconds: float
 
 
+class StoppedError(Exception):
+    """The bake that a worker was working for is over."""
+
+
 class Worker:
-    """One process's hold on a bake. Meshes that it surveyed are still at hand when it bakes."""
+    """One process's hold on a bake; for one thread at a time.
+
+    Meshes that it surveyed are still at hand when it bakes, and so are tiles of the branches that it finished.
+    """
 
     def __init__(self, scene: Scene, store: Store) -> None:
         self.scene = scene
         self.store = store
         self.meshes = MeshCache(scene)
+        self._kept = KeptTiles()
         self._context: BakeContext | None = None
+        self._stopped = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has a job."""
+        return self._context is not None
 
     def survey(self, mesh: int) -> Surveyed:
         """What there is to know of one mesh."""
@@ -59,8 +74,12 @@ class Worker:
         """Takes the job whose branches `bake` is called for."""
         self._context = BakeContext(job, self.store, self.meshes)
 
+    def stop(self) -> None:
+        """From another thread: the branch in hand ends with StoppedError after its present leaf."""
+        self._stopped = True
+
     def bake(self, branch: Branch) -> Outcome:
-        """Bakes a branch. Its tiles are in the store, and not in what is returned."""
+        """Bakes a branch. Its tiles are in the store, perhaps still in this process, and not in what is returned."""
         context = self._context
         assert context is not None, "begin comes first"
         begun, leaves = time.perf_counter(), 0
@@ -68,20 +87,29 @@ class Worker:
         def count() -> None:
             nonlocal leaves
             leaves += 1
+            if self._stopped:
+                raise StoppedError
 
         if branch.finished is None:
             cell = bake_subtree(context, branch.key, branch.children, count)
         else:
+            for below in branch.finished:
+                self._kept.give_back(below)
             cell = bake_parent(context, branch.key, branch.finished)
         if cell is not None:
-            cell.release()
+            self._kept.take_from(cell)
         return Outcome(branch.key, cell, leaves, time.perf_counter() - begun)
 
 
-def write_job(path: Path, job: BakeJob) -> None:
-    """Writes a job for workers that hold the scene already."""
+def pack_job(job: BakeJob) -> bytes:
+    """A job for workers that hold the scene already."""
     rest = (job.summaries, job.plan, job.options, job.signature)
-    path.write_bytes(pickle.dumps(rest, protocol=pickle.HIGHEST_PROTOCOL))
+    return pickle.dumps(rest, protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def unpack_job(scene: Scene, packed: bytes) -> BakeJob:
+    """The job again; packed: by `pack_job`, of this scene."""
+    return BakeJob(scene, *pickle.loads(packed))
 
 
 _worker: Worker | None = None
@@ -111,10 +139,10 @@ def survey_here(mesh: int) -> Surveyed:
 
 
 def bake_here(job: Path, branch: Branch) -> Outcome:
-    """`Worker.bake` in a worker process; job: as `write_job` wrote it, read once."""
+    """`Worker.bake` in a worker process; job: a file of what `pack_job` gave, read once."""
     global _begun
     assert _worker is not None
     if job != _begun:
-        _worker.begin(BakeJob(_worker.scene, *pickle.loads(job.read_bytes())))
+        _worker.begin(unpack_job(_worker.scene, job.read_bytes()))
         _begun = job
     return _worker.bake(branch)

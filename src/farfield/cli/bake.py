@@ -29,6 +29,9 @@ DirectionsOption = Annotated[
 LayersOption = Annotated[int, typer.Option(metavar="1|2", help="Depth layers of a view.")]
 RepresentOption = Annotated[str, typer.Option(metavar="A,B", help="Representations: orthoview, geometry.")]
 WorkersOption = Annotated[int, typer.Option(metavar="N", min=0, help="Worker processes; 0: one a processor.")]
+SchedulerOption = Annotated[
+    str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers bake instead, such as tcp://host:8786.")
+]
 QualityOption = Annotated[str, typer.Option(metavar="PRESET", help="compact, normal or high.")]
 
 
@@ -41,6 +44,7 @@ def command(
     depth_layers: LayersOption = 2,
     represent: RepresentOption = "orthoview,geometry",
     workers: WorkersOption = 0,
+    scheduler: SchedulerOption = "",
     quality: QualityOption = "normal",
     as_json: JsonOption = False,
 ) -> None:
@@ -55,6 +59,7 @@ def command(
         depth_layers=depth_layers,
         quality=quality,
         workers=workers,
+        scheduler=scheduler,
         geometry=_wants_geometry(represent),
     )
     with shown_progress() as progress:

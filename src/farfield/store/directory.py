@@ -52,6 +52,10 @@ class DirectoryStore:
         self._real_root = os.path.realpath(self._root)
         self._ready = False
 
+    def __reduce__(self) -> tuple[type[DirectoryStore], tuple[str]]:
+        """In another process it is the same folder, whatever that one's current folder; links on the way may differ."""
+        return type(self), (os.path.abspath(self._root),)
+
     @property
     def location(self) -> str:
         """The folder, as it was given."""
