@@ -36,6 +36,13 @@ export interface Manifest {
   readonly view: View | null;
 }
 
+/** Whether the cells and pictures of two generations have the same places, so that one can be shown beside the other. */
+export function sameFrame(a: Manifest, b: Manifest): boolean {
+  const frameOf = ({ grid, directions, crs, origin }: Manifest): string =>
+    JSON.stringify([grid, [...directions.values()].map(({ number, vector }) => [number, vector]), crs, origin]);
+  return frameOf(a) === frameOf(b);
+}
+
 type Json = Record<string, unknown>;
 
 /** Reads a manifest. Throws `not-a-world` or, when a newer farfield wrote it, `version`. */
