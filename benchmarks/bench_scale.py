@@ -23,7 +23,7 @@ OPTIONS = ("--leaf-size", "32", "--directions", "9", "--workers", "1", "--json")
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """Per size: triangles, cells, processor time a triangle, peak bytes; and the largest of each against the smallest."""
+    """Per size: triangles, cells, processor time a triangle, peak bytes; and how both grow."""
     count, triangles, resolution, times = (4, 500, 32, TIMES[:2]) if quick else (32, 20_000, 128, TIMES)
     sizes: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory(prefix="farfield-scale-") as name:

@@ -103,6 +103,10 @@ class Visit:
         with Image.open(io.BytesIO(self.page.screenshot())) as image:
             return np.array(image.convert("RGB"))
 
+    def leave(self) -> None:
+        """Closes the page; before its server ends, which a page that listens to it notes on the console."""
+        self.page.context.close()
+
     def says(self, text: str) -> None:
         """Waits until the page shows a text."""
         self.page.get_by_text(text).first.wait_for(state="visible")

@@ -123,6 +123,7 @@ def test_an_archive_is_served_like_a_folder(site: Path, visit: Callable[..., Vis
         page.options(nearRadius=20)
         page.look(*VIEWS[0])
         stats = page.stats()
+        page.leave()
     assert stats["splats"] > 1000
     assert stats["tiles_missing"] == 0
     assert stats["requests"] < len(page.fetched), "in batches"

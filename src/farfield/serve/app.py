@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from farfield.errors import MissingKeyError, StoreError
 from farfield.serve.batch import batch_response
+from farfield.serve.events import GenerationFeed, events_response
 from farfield.serve.public import is_page_key, is_world_key
 from farfield.serve.throttle import Throttle
 from farfield.serve.values import value_response
@@ -24,7 +25,7 @@ MAX_TARGET = 16 * 1024
 
 _EVERY_ANSWER = [
     (b"access-control-allow-origin", b"*"),
-    (b"access-control-expose-headers", b"Content-Length, Content-Range, ETag, Farfield-Batch"),
+    (b"access-control-expose-headers", b"Content-Length, Content-Range, ETag, Farfield-Batch, Farfield-Events"),
     (b"cross-origin-resource-policy", b"cross-origin"),
     (b"timing-allow-origin", b"*"),
     (b"x-content-type-options", b"nosniff"),
@@ -48,13 +49,22 @@ def create_app(world: Store, page: Store, *, bandwidth: float | None = None) -> 
     bandwidth: bytes a second over all answers together; None for no limit.
     """
 
+    feed = GenerationFeed(world)
+
     def value(request: Request) -> Response:
         return _value(world, page, request)
 
     async def batch(request: Request) -> Response:
         return await batch_response(world, request)
 
-    routes = [Route("/batch", batch, methods=["GET", "POST"]), Route("/{key:path}", value, methods=["GET"])]
+    async def events(request: Request) -> Response:
+        return events_response(feed, request)
+
+    routes = [
+        Route("/batch", batch, methods=["GET", "POST"]),
+        Route("/events", events, methods=["GET"]),
+        Route("/{key:path}", value, methods=["GET"]),
+    ]
     app: ASGIApp = _Gate(Starlette(routes=routes))
     return Throttle(app, bandwidth) if bandwidth else app
 

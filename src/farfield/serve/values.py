@@ -80,7 +80,7 @@ def chunks(store: Store, key: str, start: int, length: int) -> Iterator[bytes]:
 def _headers(key: str, tag: str) -> dict[str, str]:
     headers = {"Cache-Control": cache_control(key), "ETag": tag, "Accept-Ranges": "bytes"}
     if key == MANIFEST:
-        headers["Farfield-Batch"] = "batch"
+        headers |= {"Farfield-Batch": "batch", "Farfield-Events": "events"}
     return headers
 
 

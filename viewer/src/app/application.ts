@@ -103,16 +103,23 @@ export class Application {
   private listen(): void {
     const { events } = this.world;
     events.on("ready", (manifest) => this.begin(manifest));
+    events.on("generation", (manifest) => this.describe(manifest));
     events.on("failed", (error) => this.messages.fail(error));
     events.on("connection", (connection) => this.messages.connection(connection));
     addEventListener("online", () => this.world.retryNow());
     addEventListener("hashchange", () => this.readHash());
   }
 
-  private begin(manifest: Manifest): void {
+  /** What the page says of a generation, and how near it can be seen. */
+  private describe(manifest: Manifest): void {
     document.title = manifest.name ? `${manifest.name} · farfield` : "farfield";
     this.elements.credits.textContent = manifest.credits.join(" · ");
     this.camera.near = Math.max(0.01, manifest.grid.leafSize / 1000);
+    this.camera.updateProjectionMatrix();
+  }
+
+  private begin(manifest: Manifest): void {
+    this.describe(manifest);
     this.resize();
     const { view, bounds } = manifest;
     const home = (): Pose =>

@@ -46,6 +46,11 @@ export class Cache {
     }
   }
 
+  /** Drops what the newest generation does not have. */
+  dropGone(): void {
+    for (const resource of [...this.entries]) if (resource.gone) this.remove(resource);
+  }
+
   clear(): void {
     for (const resource of [...this.entries]) this.remove(resource);
   }

@@ -2,7 +2,7 @@ import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
 import type { CellEntry, GeometryEntry } from "./indextile.js";
 import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
-import { Resource } from "./resource.js";
+import { Resource, type ResourceKind } from "./resource.js";
 import { grown, type Box } from "./vector.js";
 
 /** A splat reaches at most this many pitches from its middle. */
@@ -20,6 +20,9 @@ export interface CellGeometry {
   readonly leaf: Resource;
   readonly meshes: readonly Resource[];
 }
+
+/** The resource of a key: that of the generation before, where there is one. */
+type Take = (key: string, kind: ResourceKind, bytes: number) => Resource;
 
 /** One cell of the world as far as the index is known. */
 export class Cell {
@@ -43,12 +46,20 @@ export class Cell {
   indexHash = "";
   /** How many tiles of this cell and those below are held. */
   heldBelow = 0;
+  /** Hash of the index tile that starts with this cell, once it has been read. */
+  private readHash = "";
+
+  /** The same cell of the generation before, until all that has not changed is taken over; null: there is none. */
+  private before: Cell | null;
 
   constructor(
     readonly key: CellKey,
-    readonly parent: Cell | null,
+    public parent: Cell | null,
     private readonly grid: Grid,
+    before: Cell | null = null,
   ) {
+    // One whose index was never read has nothing to give but, perhaps, what was before it.
+    this.before = before?.unread ? before.before : before;
     this.name = formatKey(key);
     this.level = key.level;
     this.box = grid.bounds(key);
@@ -61,6 +72,22 @@ export class Cell {
     return this.indexHash !== "" && this.children === null;
   }
 
+  /** The root it lies below, or is. */
+  get root(): Cell {
+    return this.parent ? this.parent.root : this;
+  }
+
+  /** Counts tiles of this cell that are held, or no longer. */
+  count(change: number): void {
+    for (let cell: Cell | null = this; cell; cell = cell.parent) cell.heldBelow += change;
+  }
+
+  /** Says which index tile starts with this cell. One that the generation before has read is not read again. */
+  startsTile(hash: string): void {
+    this.indexHash = hash;
+    if (hash !== "" && this.before?.readHash === hash) this.inherit(this.before);
+  }
+
   /** Takes what the index tile says of this cell, and of those below it that the tile knows. */
   read(entries: ReadonlyMap<string, CellEntry>, shared: SharedMeshes, where: string): void {
     const entry = entries.get(this.name);
@@ -69,35 +96,72 @@ export class Cell {
     if (this.views.size === 0) this.describe(entry, shared);
     const known = (entry.children ?? []).filter((name) => entries.has(name));
     if (entry.index && known.length === 0) {
-      this.indexHash = entry.index;
+      this.startsTile(entry.index);
       return;
     }
+    const hash = this.indexHash;
     this.indexHash = "";
     this.children = known.map((name) => {
       const key = parseKey(name);
       // Else a cell could be reached on many ways, or be below itself, and a small index would never end.
       if (!this.grid.isChild(key, this.key)) throw corrupt(`cell ${name} is not below ${this.name}`, where);
-      const child = new Cell(key, this, this.grid);
+      const before = this.before?.children?.find((cell) => cell.name === name) ?? null;
+      const child = new Cell(key, this, this.grid, before);
       child.read(entries, shared, where);
       return child;
     });
+    this.readHash = hash;
+    this.before = null;
   }
 
   private describe(entry: CellEntry, shared: SharedMeshes): void {
     this.bounds = { lower: entry.bounds[0], upper: entry.bounds[1] };
     this.reach = grown(this.bounds, SPLAT_REACH * entry.error);
     this.bins = entry.views ?? [];
+    const before = new Map(this.before?.resources.map((resource) => [resource.key, resource]));
+    const take: Take = (key, kind, size) => {
+      const found = before.get(key);
+      found?.moveTo(this);
+      return found ?? new Resource(key, kind, size, this);
+    };
     const views = new Map<number, { direction: number; layers: Resource[] }>();
     for (const [direction, layer, bytes] of entry.tiles ?? []) {
       const view = views.get(direction) ?? { direction, layers: [] };
-      view.layers[layer] = new Resource(orthoviewKey(this.name, direction, layer, entry.hash ?? ""), "orthoview", bytes, this);
+      view.layers[layer] = take(orthoviewKey(this.name, direction, layer, entry.hash ?? ""), "orthoview", bytes);
       views.set(direction, view);
     }
     this.views = views;
-    const near = entry.geometry;
+    this.describeGeometry(entry, shared, take);
+    for (const resource of before.values()) resource.gone = resource.cell !== this;
+  }
+
+  private describeGeometry({ geometry: near }: CellEntry, shared: SharedMeshes, take: Take): void {
     if (!near) return;
-    const leaf = new Resource(geometryKey(this.name, near.hash), "geometry", near.bytes, this);
+    const leaf = take(geometryKey(this.name, near.hash), "geometry", near.bytes);
     this.geometry = { entry: near, leaf, meshes: near.meshes.map(([hash, bytes]) => shared.get(hash, bytes)) };
+  }
+
+  /** What belongs to this cell alone. */
+  private get resources(): Resource[] {
+    const tiles = [...this.views.values()].flatMap(({ layers }) => layers.filter(Boolean));
+    return this.geometry ? [...tiles, this.geometry.leaf] : tiles;
+  }
+
+  /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
+  private inherit(before: Cell): void {
+    if (this.views.size === 0) {
+      const { bounds, reach, views, bins, geometry } = before;
+      Object.assign(this, { bounds, reach, views, bins, geometry });
+      for (const resource of before.resources) resource.moveTo(this);
+    }
+    this.readHash = before.readHash;
+    this.indexHash = "";
+    this.before = null;
+    this.children = before.children ?? [];
+    for (const child of this.children) {
+      child.parent = this;
+      this.count(child.heldBelow);
+    }
   }
 }
 

@@ -10,6 +10,7 @@ export const BATCH_KEYS = 48;
 export class Fetcher implements Source {
   /** Address of the batch request, when the server offers one. */
   private batch: string | null = null;
+  events: URL | null = null;
   private readonly http = new Http();
 
   constructor(
@@ -33,8 +34,9 @@ export class Fetcher implements Source {
   /** The manifest's text, always asked for anew. Rejects with `network`, `missing` or `aborted`. */
   async manifest(signal: AbortSignal): Promise<string> {
     const { headers, bytes } = await this.request("world.json", signal, { cache: "no-cache" });
-    const batch = headers.get("Farfield-Batch");
-    this.batch = batch && /^[a-z]+$/.test(batch) ? batch : null;
+    this.batch = offered(headers, "Farfield-Batch");
+    const events = offered(headers, "Farfield-Events");
+    this.events = events === null ? null : new URL(events, this.base);
     return new TextDecoder().decode(bytes);
   }
 
@@ -61,6 +63,12 @@ export class Fetcher implements Source {
   private request(path: string, signal: AbortSignal, init: RequestInit): Promise<Answer> {
     return this.http.request(new URL(path, this.base), path, signal, init);
   }
+}
+
+/** The relative address of something that the server can do besides; null: it cannot. */
+function offered(headers: Headers, name: string): string | null {
+  const address = headers.get(name);
+  return address && /^[a-z]+$/.test(address) ? address : null;
 }
 
 /** The values in the answer to a batch request, as parts of it. Throws `network` when it is cut short. */

@@ -194,7 +194,7 @@ export class Loader {
     this.ready.delete(resource);
     resource.payload = prepared.install();
     resource.state = "held";
-    countBelow(resource, 1);
+    resource.cell?.count(1);
   }
 
   private fail(resource: Resource, error: FarfieldError): void {
@@ -209,7 +209,7 @@ export class Loader {
 
   private drop(resource: Resource): void {
     if (resource.state === "held") {
-      countBelow(resource, -1);
+      resource.cell?.count(-1);
       this.preparer.dispose(resource, resource.payload);
     } else {
       this.ready.get(resource)?.discard?.();
@@ -218,8 +218,4 @@ export class Loader {
     resource.payload = null;
     resource.state = "absent";
   }
-}
-
-function countBelow(resource: Resource, change: number): void {
-  for (let cell = resource.cell; cell; cell = cell.parent) cell.heldBelow += change;
 }

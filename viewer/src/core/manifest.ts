@@ -37,6 +37,13 @@ export interface Manifest {
   readonly view: View | null;
 }
 
+/** Whether the cells and pictures of two generations have the same places, so that one can be shown beside the other. */
+export function sameFrame(a: Manifest, b: Manifest): boolean {
+  const frameOf = ({ grid, directions, crs, origin }: Manifest): string =>
+    JSON.stringify([grid, [...directions.values()].map(({ number, vector }) => [number, vector]), crs, origin]);
+  return frameOf(a) === frameOf(b);
+}
+
 /** Reads a manifest; allocates at most 64 bytes for each character of it. Throws `not-a-world` or, when a newer farfield wrote it, `version`. */
 export function decodeManifest(text: string, where: string): Manifest {
   const hint = "is this the address of a baked world?";

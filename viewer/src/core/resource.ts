@@ -21,6 +21,8 @@ export class Resource {
   size = 0;
   /** Number of the last plan that had a use for it. */
   used = 0;
+  /** The newest generation does not have it. */
+  gone = false;
 
   constructor(
     readonly key: string,
@@ -28,10 +30,18 @@ export class Resource {
     /** Bytes on the wire. */
     readonly bytes: number,
     /** The cell it belongs to; null for meshes, which several share. */
-    readonly cell: Cell | null,
+    public cell: Cell | null,
   ) {}
 
   get held(): boolean {
     return this.state === "held";
+  }
+
+  /** Belongs from now on to the cell of a newer generation, which finds it there again; what was bad is tried once more. */
+  moveTo(cell: Cell): void {
+    this.cell = cell;
+    this.gone = false;
+    if (this.state === "bad") this.state = "absent";
+    if (this.held) cell.count(1);
   }
 }

@@ -12,6 +12,8 @@ export interface Source {
   readonly requests: number;
   /** How many keys one call of `getMany` should ask for. */
   readonly batchKeys: number;
+  /** Address of the events that tell of new generations; null: nobody tells. Known once the manifest has been read. */
+  readonly events: URL | null;
   /** The manifest's text, always asked for anew. Rejects with `network`, `missing`, `aborted`, or what the kind of source adds. */
   manifest(signal: AbortSignal): Promise<string>;
   /** One value. Rejects with `network`, `missing`, `corrupt` or `aborted`. `fresh` passes caches by. */

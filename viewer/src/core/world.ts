@@ -2,12 +2,13 @@ import type { Backoff } from "./backoff.js";
 import { Cell, SharedMeshes } from "./cell.js";
 import { asFarfieldError, corrupt, FarfieldError } from "./errors.js";
 import { decodeIndexTile } from "./indextile.js";
+import { formatKey } from "./grid.js";
 import { indexKey } from "./keys.js";
-import { decodeManifest, type Manifest } from "./manifest.js";
+import type { Manifest } from "./manifest.js";
 import { valueOf, type Found, type Source } from "./source.js";
 
 export interface WorldEvents {
-  readonly bad: (key: string, error: FarfieldError) => void;
+  readonly bad: (key: string, error: FarfieldError, index: WorldIndex) => void;
   /** More of the index is known. */
   readonly grown: () => void;
 }
@@ -15,27 +16,33 @@ export interface WorldEvents {
 /** A world as far as its index has been read. */
 export class WorldIndex {
   readonly roots: readonly Cell[];
-  private readonly shared = new SharedMeshes();
-  private readonly loading = new Set<Cell>();
+  private readonly shared: SharedMeshes;
+  private readonly loading: Set<Cell>;
   private readonly closing = new AbortController();
 
-  private constructor(
+  constructor(
     readonly manifest: Manifest,
     private readonly source: Source,
     private readonly backoff: Backoff,
     private readonly events: WorldEvents,
+    before: WorldIndex | null = null,
   ) {
+    this.shared = before?.shared ?? new SharedMeshes();
+    this.loading = before?.loading ?? new Set();
     this.roots = manifest.roots.map(({ key, hash }) => {
-      const root = new Cell(key, null, manifest.grid);
-      root.indexHash = hash;
+      const name = formatKey(key);
+      const root = new Cell(key, null, manifest.grid, before?.roots.find((cell) => cell.name === name) ?? null);
+      root.startsTile(hash);
       return root;
     });
   }
 
-  /** Reads the manifest. Rejects with `network`, `missing`, `not-a-world`, `version` or `aborted`. */
-  static async open(source: Source, backoff: Backoff, events: WorldEvents, signal: AbortSignal): Promise<WorldIndex> {
-    const text = await source.manifest(signal);
-    return new WorldIndex(decodeManifest(text, `${source.base}world.json`), source, backoff, events);
+  /**
+   * The index of another generation of this world, whose cells have the same places: it takes over what has not changed,
+   * and this one keeps what it needs to be drawn until it is closed.
+   */
+  followedBy(manifest: Manifest): WorldIndex {
+    return new WorldIndex(manifest, this.source, this.backoff, this.events, this);
   }
 
   /** Number of index tiles under way. */
@@ -74,12 +81,13 @@ export class WorldIndex {
 
   /** Reads one index tile; a cell whose index is missing or damaged ends there and stays a picture. */
   private read(cell: Cell, key: string, found: Found): void {
+    if (!cell.unread) return;
     try {
       cell.read(new Map(decodeIndexTile(valueOf(found, key), key).map((entry) => [entry.key, entry])), this.shared, key);
     } catch (thrown) {
       cell.indexHash = "";
       cell.children = [];
-      this.events.bad(key, thrown instanceof FarfieldError ? thrown : corrupt(String(thrown), key));
+      this.events.bad(key, thrown instanceof FarfieldError ? thrown : corrupt(String(thrown), key), this);
     }
   }
 }

@@ -2,8 +2,8 @@ import type { Backoff } from "../core/backoff.js";
 import { asFarfieldError, FarfieldError } from "../core/errors.js";
 import { ArchiveFetcher } from "../core/archive/fetcher.js";
 import { Fetcher } from "../core/fetch.js";
+import { decodeManifest, type Manifest } from "../core/manifest.js";
 import type { Source } from "../core/source.js";
-import { WorldIndex, type WorldEvents } from "../core/world.js";
 
 /** How the name of an archive ends. */
 const ARCHIVE = /\.farfield$/;
@@ -27,17 +27,12 @@ function folderOf(url: URL): string {
  * Reads a world's manifest, again and again while the server does not answer. Rejects with what cannot be mended by
  * waiting: `not-a-world`, `version`, `no-ranges`, `corrupt` or, when nobody wants it any more, `aborted`.
  */
-export async function openIndex(
-  source: Source,
-  backoff: Backoff,
-  events: WorldEvents,
-  signal: AbortSignal,
-): Promise<WorldIndex> {
+export async function openManifest(source: Source, backoff: Backoff, signal: AbortSignal): Promise<Manifest> {
   for (;;) {
     try {
-      const index = await WorldIndex.open(source, backoff, events, signal);
+      const text = await source.manifest(signal);
       backoff.succeeded();
-      return index;
+      return decodeManifest(text, `${source.base}world.json`);
     } catch (thrown) {
       const error = asFarfieldError(thrown, source.base);
       if (error.tag === "missing") {

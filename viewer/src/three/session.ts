@@ -3,6 +3,7 @@ import type { DecodePool } from "../core/decode/pool.js";
 import type { Backoff } from "../core/backoff.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
+import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
 import type { Source } from "../core/source.js";
 import { distanceTo } from "../core/vector.js";
@@ -17,6 +18,9 @@ import type { WorldOptions } from "./options.js";
 import { ThreePreparer } from "./preparer.js";
 import { Splats } from "./splats.js";
 import type { Viewpoint } from "./viewpoint.js";
+
+/** Milliseconds for which a new generation waits to be complete once the view moves: a flight may never rest. */
+const PATIENCE_MS = 3000;
 
 /** What a session works with. */
 export interface SessionParts {
@@ -39,6 +43,11 @@ export class Session {
   readonly splats: Splats;
   readonly near: NearGeometry;
   plan: Plan | null = null;
+  /** Of the generation that is shown. */
+  index: WorldIndex;
+  /** Of a newer one, whose tiles for the view are on their way. */
+  next: WorldIndex | null = null;
+  private movedAt: number | null = null;
   private number = 0;
   private viewpoint: Viewpoint | null = null;
   /** What the picture of the last plan wants. */
@@ -50,6 +59,7 @@ export class Session {
     events: LoaderEvents,
   ) {
     const { index, source, backoff, pool, light, group, renderer, options } = parts;
+    this.index = index;
     const { manifest } = index;
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
@@ -58,8 +68,26 @@ export class Session {
     this.loader = new Loader(source, backoff, preparer, options().cacheBytes, events);
   }
 
-  get index(): WorldIndex {
-    return this.parts.index;
+  /** Prepares a newer generation; it takes the place of the present one when all that the view wants of it is there. */
+  follow(manifest: Manifest): void {
+    this.next?.close();
+    this.next = this.index.followedBy(manifest);
+    this.movedAt = null;
+  }
+
+  /** Manifest of the newest generation that is known. */
+  get newest(): Manifest {
+    return (this.next ?? this.index).manifest;
+  }
+
+  /** The view has changed. */
+  moved(): void {
+    this.movedAt ??= performance.now();
+  }
+
+  /** Whether a value belongs to the newest generation, and not only to one that is to be replaced. */
+  isNewest({ cell }: Resource): boolean {
+    return !this.next || cell === null || this.next.roots.includes(cell.root);
   }
 
   /** Levels by which the cut is coarser than asked, because the budget would not hold it. */
@@ -70,20 +98,18 @@ export class Session {
   /** Values that the picture wants and that have not arrived. */
   get pending(): number {
     let count = 0;
-    for (const { state } of this.seen) if (state !== "held" && state !== "bad") count++;
+    for (const resource of this.seen) if (!isDone(resource)) count++;
     return count;
   }
 
   /** Whether the last plan draws everything that its view wants. */
   get complete(): boolean {
-    const { index } = this.parts;
-    if (!this.plan || this.pending > 0 || index.pending > 0) return false;
-    return ![...index.roots, ...this.plan.cut.unknown].some(({ unread }) => unread);
+    return !!this.plan && !this.next && this.pending === 0 && isKnown(this.index, this.plan);
   }
 
   /** Whether nothing of the world can be shown: no root's index could be read. */
   get hopeless(): boolean {
-    const { roots } = this.parts.index;
+    const { roots } = this.index;
     return roots.length > 0 && roots.every(({ views, children }) => views.size === 0 && children?.length === 0);
   }
 
@@ -97,23 +123,54 @@ export class Session {
   }
 
   /** Makes the plan for a picture `width` pixels wide and sees to what it lacks; returns what is different. */
-  choose(viewpoint: Viewpoint, width: number): { picture: boolean; detail: boolean } {
-    const { index } = this.parts;
+  choose(viewpoint: Viewpoint, width: number): { picture: boolean; detail: boolean; generation: boolean } {
     const before = this.plan;
+    const ahead = this.prepareNext(viewpoint, width);
+    const { index } = this;
     const { plan, wants, detail } = this.planWithin(viewpoint, width);
     this.viewpoint = viewpoint;
     this.plan = plan;
     this.number++;
-    index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown]);
-    this.loader.want(wants, this.number);
+    explore(index, plan);
+    this.loader.want(joined(ahead.wants ?? [], wants), this.number);
     this.loader.keep(drawnBy(plan), this.number);
+    if (ahead.taken) this.loader.cache.dropGone();
     this.seen = seenOf(wants);
-    return { picture: !before || !samePlan(plan, before), detail };
+    return { picture: !before || !samePlan(plan, before), detail, generation: ahead.taken };
+  }
+
+  /**
+   * What the view wants of the generation to come, ahead of everything else; or, when that is all there, takes it in the
+   * place of the present one.
+   */
+  private prepareNext(viewpoint: Viewpoint, width: number): { taken: boolean; wants: readonly Want[] | null } {
+    const { next } = this;
+    if (!next) return { taken: false, wants: null };
+    const view = this.viewOf(viewpoint, width);
+    const plan = makePlan(next.roots, next.manifest.directions, view);
+    const wants = listWants(next.roots, plan, next.manifest, view).filter(({ urgency }) => urgency <= URGENCY.seen);
+    const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource));
+    if (!there && !this.isOverdue(wants)) {
+      explore(next, plan);
+      return { taken: false, wants };
+    }
+    this.index.close();
+    this.index = next;
+    this.next = this.movedAt = null;
+    return { taken: true, wants: null };
+  }
+
+  /** Whether waiting has no end, and the roots at least can stand in for what is missing. */
+  private isOverdue(wants: readonly Want[]): boolean {
+    if (this.movedAt === null || performance.now() < this.movedAt + PATIENCE_MS) return false;
+    const roots = wants.filter(({ urgency }) => urgency === URGENCY.root);
+    return roots.length > 0 && roots.every(({ resource }) => isDone(resource));
   }
 
   /** A plan whose wants fit into the budget, as far as can be told before they are fetched. */
   private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; wants: Want[]; detail: boolean } {
-    const { index, options } = this.parts;
+    const { index } = this;
+    const { options } = this.parts;
     for (;;) {
       const view = this.viewOf(viewpoint, width);
       const plan = makePlan(index.roots, index.manifest.directions, view);
@@ -134,7 +191,8 @@ export class Session {
   }
 
   dispose(): void {
-    this.parts.index.close();
+    this.next?.close();
+    this.index.close();
     this.loader.clear();
     this.splats.dispose();
     this.near.dispose();
@@ -142,7 +200,7 @@ export class Session {
 
   private viewOf(viewpoint: Viewpoint, width: number): PlanView {
     const { bias, nearRadius, farOnly, views, layers } = this.parts.options();
-    const { leafSize, resolution } = this.parts.index.manifest.grid;
+    const { leafSize, resolution } = this.index.manifest.grid;
     const radius = (leafSize * width) / (2 * resolution * viewpoint.tangent);
     return {
       eye: viewpoint.eye,
@@ -154,6 +212,27 @@ export class Session {
       choice: { views, layers },
     };
   }
+}
+
+/** Whether nothing more is to be expected of a value. */
+function isDone({ state }: Resource): boolean {
+  return state === "held" || state === "bad";
+}
+
+/** Whether the index has been read as far as a plan needs it. */
+function isKnown(index: WorldIndex, plan: Plan): boolean {
+  return index.pending === 0 && ![...index.roots, ...plan.cut.unknown].some(({ unread }) => unread);
+}
+
+function explore(index: WorldIndex, plan: Plan): void {
+  index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown]);
+}
+
+/** Both lists, each value once. */
+function joined(first: readonly Want[], second: readonly Want[]): readonly Want[] {
+  if (first.length === 0) return second;
+  const known = new Set(first.map(({ resource }) => resource));
+  return [...first, ...second.filter(({ resource }) => !known.has(resource))];
 }
 
 function seenOf(wants: readonly Want[]): Resource[] {

@@ -4,6 +4,8 @@ import type { Session } from "./session.js";
 
 /** Figures of a world, for people and tests. */
 export interface WorldStats {
+  /** Generation of the world that is shown; 0 before its manifest has been read. */
+  readonly generation: number;
   /** Splats of the tiles drawn last, before the graphics card skips those that face away. */
   readonly splats: number;
   /** Triangles of near geometry drawn last. */
@@ -36,6 +38,7 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
   return {
+    generation: session?.index.manifest.generation ?? 0,
     splats: splats?.count ?? 0,
     triangles: near?.triangles ?? 0,
     tiles: splats?.tiles ?? 0,

@@ -3,12 +3,13 @@ import { Backoff, type Connection } from "../core/backoff.js";
 import { DecodePool, type WorkerMaker } from "../core/decode/pool.js";
 import { asFarfieldError, type FarfieldError } from "../core/errors.js";
 import { Emitter } from "../core/events.js";
-import type { Manifest } from "../core/manifest.js";
+import { sameFrame, type Manifest } from "../core/manifest.js";
 import type { Source } from "../core/source.js";
-import type { WorldIndex } from "../core/world.js";
+import { WorldIndex } from "../core/world.js";
 import { Frame } from "./frame.js";
+import { Generations } from "./generations.js";
 import { LightUniforms } from "./light.js";
-import { openIndex, sourceOf } from "./opening.js";
+import { openManifest, sourceOf } from "./opening.js";
 import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
 import { Session } from "./session.js";
 import { statsOf, type WorldStats } from "./stats.js";
@@ -19,6 +20,8 @@ import { makeWorker } from "./worker.js";
 export interface FarfieldEvents {
   /** The manifest has been read. */
   ready: Manifest;
+  /** A newer generation has taken the place of the one that was shown. */
+  generation: Manifest;
   /** The world cannot be shown. */
   failed: FarfieldError;
   /** A value is missing or damaged; its parent stands in. */
@@ -38,6 +41,7 @@ export class FarfieldWorld extends Object3D {
   readonly source: Source;
   options: WorldOptions;
   private session: Session | null = null;
+  private generations: Generations | null = null;
   private readonly inner = new Scene();
   private readonly group = new Group();
   private readonly frame = new Frame();
@@ -102,7 +106,10 @@ export class FarfieldWorld extends Object3D {
     camera.updateMatrixWorld();
     this.updateWorldMatrix(true, false);
     const size = renderer.getDrawingBufferSize(new Vector2());
-    if (this.moved(camera, size)) this.invalidate();
+    if (this.moved(camera, size)) {
+      session.moved();
+      this.invalidate();
+    }
     if (session.loader.install(this.options.uploadBytes)) this.arrived = true;
     const may = mayDraw || this.mustDraw || session.pending === 0;
     if (this.planDirty || (this.arrived && may)) this.choose(session, camera, renderer, size);
@@ -137,8 +144,14 @@ export class FarfieldWorld extends Object3D {
     this.session?.loader.pump();
   }
 
+  /** Looks whether there is a newer generation, which is then shown; for servers that do not tell (docs/viewer.md). */
+  async refresh(): Promise<boolean> {
+    return (await this.generations?.look()) ?? false;
+  }
+
   override dispose(): void {
     this.closing.abort();
+    this.generations?.close();
     this.session?.dispose();
     this.session = null;
     this.pool.dispose();
@@ -146,26 +159,48 @@ export class FarfieldWorld extends Object3D {
   }
 
   private async open(): Promise<void> {
-    const bad = (key: string, error: FarfieldError): void => this.report(key, error);
-    const grown = (): void => this.changed();
+    const { source, backoff } = this;
+    const { signal } = this.closing;
     try {
-      this.begin(await openIndex(this.source, this.backoff, { bad, grown }, this.closing.signal));
+      const manifest = await openManifest(source, backoff, signal);
+      if (signal.aborted) return;
+      this.begin(manifest);
+      const newest = (): Manifest | null => this.session?.newest ?? null;
+      const found = (newer: Manifest): void => this.renew(newer);
+      const unreadable = (error: FarfieldError): void => this.events.emit("bad", { key: "world.json", error });
+      this.generations = new Generations({ source, backoff, signal, newest, found, unreadable });
+      this.events.emit("ready", manifest);
     } catch (thrown) {
       const error = asFarfieldError(thrown, this.source.base);
       if (error.tag !== "aborted") this.events.emit("failed", error);
     }
   }
 
-  private begin(index: WorldIndex): void {
+  private begin(manifest: Manifest): void {
+    const index = new WorldIndex(manifest, this.source, this.backoff, {
+      bad: (key, error, of) => this.doubt(key, error, () => of.manifest === this.session?.newest),
+      grown: () => this.changed(),
+    });
     const { source, backoff, pool, light, group, frame, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;
     const options = (): WorldOptions => this.options;
     const parts = { index, source, backoff, pool, light, group, scene: inner, frame, renderer, options };
     this.session = new Session(parts, {
-      bad: ({ key }, error) => this.report(key, error),
+      bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
     });
-    this.events.emit("ready", index.manifest);
+    this.changed();
+  }
+
+  /** Shows a newer generation: in the place of the present one where that is possible, else from the beginning. */
+  private renew(manifest: Manifest): void {
+    const session = this.session!;
+    if (sameFrame(manifest, session.index.manifest)) session.follow(manifest);
+    else {
+      session.dispose();
+      this.begin(manifest);
+      this.events.emit("generation", manifest);
+    }
     this.changed();
   }
 
@@ -184,11 +219,13 @@ export class FarfieldWorld extends Object3D {
     const different = session.choose(viewpoint, size.x);
     if (different.picture) this.drawDirty = true;
     if (different.detail) this.changed();
+    if (different.generation) this.events.emit("generation", session.index.manifest);
   }
 
   /** Fulfils what waits for a complete picture, if the one drawn last is. */
   private settle(session: Session): void {
-    if (this.waiting.length === 0 || this.planDirty || this.arrived || this.drawDirty || !session.complete) return;
+    const settled = !this.planDirty && !this.arrived && !this.drawDirty && !this.generations?.busy;
+    if (this.waiting.length === 0 || !settled || !session.complete) return;
     for (const resolve of this.waiting.splice(0)) resolve();
   }
 
@@ -202,6 +239,13 @@ export class FarfieldWorld extends Object3D {
       this.session?.loader.cache.clear();
       this.invalidate();
     });
+  }
+
+  /** What is missing may belong to a generation that has been replaced: then the newer one is shown, and all is well. */
+  private async doubt(key: string, error: FarfieldError, isNewest: () => boolean): Promise<void> {
+    const replaced = error.tag === "missing" && (!isNewest() || (await this.generations?.explains()));
+    if (replaced) this.changed();
+    else this.report(key, error);
   }
 
   private report(key: string, error: FarfieldError): void {

@@ -28,6 +28,8 @@ interface Opened {
 export class ArchiveFetcher implements Source {
   readonly base: string;
   readonly batchKeys = BATCH_KEYS;
+  /** Servers tell of folders only. */
+  readonly events = null;
   private opened: Promise<Opened> | null = null;
   private readonly http = new Http();
 

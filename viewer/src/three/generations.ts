@@ -1,0 +1,78 @@
+import type { Backoff } from "../core/backoff.js";
+import { asFarfieldError, type FarfieldError } from "../core/errors.js";
+import { Follower } from "../core/follower.js";
+import type { Manifest } from "../core/manifest.js";
+import type { Source } from "../core/source.js";
+import { openManifest } from "./opening.js";
+
+/** A world of many bad tiles is not asked for its manifest with each of them. */
+const LEAST_MS = 5000;
+
+export interface GenerationParts {
+  readonly source: Source;
+  readonly backoff: Backoff;
+  readonly signal: AbortSignal;
+  /** The newest manifest that is known. */
+  readonly newest: () => Manifest | null;
+  /** There is another, which is to be shown. */
+  readonly found: (manifest: Manifest) => void;
+  /** The manifest is no longer one. */
+  readonly unreadable: (error: FarfieldError) => void;
+}
+
+/** Finds new generations of a world: when the server tells of one, or when something is missing. */
+export class Generations {
+  private readonly follower: Follower | null;
+  private looking: Promise<boolean> | null = null;
+  private lookedAt = -Infinity;
+
+  /** Begins to listen, where the server tells; the manifest has been read. */
+  constructor(private readonly parts: GenerationParts) {
+    const { events } = parts.source;
+    this.follower = events && "EventSource" in globalThis ? new Follower(events, (number) => void this.heard(number)) : null;
+  }
+
+  /** Whether the manifest is being read again. */
+  get busy(): boolean {
+    return this.looking !== null;
+  }
+
+  /** Reads the manifest again; gives whether it is another generation's. */
+  look(): Promise<boolean> {
+    this.looking ??= this.read().finally(() => (this.looking = null));
+    return this.looking;
+  }
+
+  /** Whether a value that is missing belongs to a generation that has been replaced. */
+  async explains(): Promise<boolean> {
+    if (!this.looking && performance.now() < this.lookedAt + LEAST_MS) return false;
+    return this.look();
+  }
+
+  close(): void {
+    this.follower?.close();
+  }
+
+  private async heard(generation: number): Promise<void> {
+    // A reading that is under way may have begun before.
+    await this.looking;
+    if (generation !== this.parts.newest()?.generation) await this.look();
+  }
+
+  /** A manifest that cannot be read leaves the picture as it is. */
+  private async read(): Promise<boolean> {
+    const { source, backoff, signal, newest, found, unreadable } = this.parts;
+    try {
+      const manifest = await openManifest(source, backoff, signal);
+      this.lookedAt = performance.now();
+      if (signal.aborted || manifest.generation === newest()?.generation) return false;
+      found(manifest);
+      return true;
+    } catch (thrown) {
+      const error = asFarfieldError(thrown, source.base);
+      this.lookedAt = performance.now();
+      if (error.tag !== "aborted") unreadable(error);
+      return false;
+    }
+  }
+}
