@@ -142,9 +142,8 @@ def test_a_worker_killed_in_the_middle_costs_nothing_that_was_finished(
         finished.update(records(tmp_path / "world"))
 
     bake(village(), DirectoryStore(tmp_path / "world"), on(two.address), Watching(8, kill))
-    assert 8 <= len(finished) < len(list((tmp_path / "world/record").rglob("*")))
     after = records(tmp_path / "world")
-    finished.pop(str(tmp_path / "world" / TOKEN_KEY))
+    assert 8 <= len(finished) < len(after)
     assert {name: after[name] for name in finished} == finished, "no finished cell was baked twice"
     assert contents(DirectoryStore(tmp_path / "world")) == local
 
@@ -295,7 +294,6 @@ def test_a_command_that_is_ended_can_be_given_again(
         command.send_signal(signalled)
         assert command.wait(timeout=30) == code
     kept = records(world)
-    kept.pop(str(world / TOKEN_KEY), None)
     subprocess.run(on_cluster, check=True, capture_output=True)
     after = records(world)
     assert {name: after[name] for name in kept} == kept
