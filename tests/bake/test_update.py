@@ -16,7 +16,7 @@ from farfield.store.directory import DirectoryStore
 from farfield.world.garbage import drop_garbage
 from farfield.world.manifest import read_manifest
 
-OPTIONS = BakeOptions(leaf_size=8.0, resolution=32, directions="5", workers=1)
+OPTIONS = BakeOptions(leaf_size=16.0, resolution=32, directions="5", workers=1)
 
 
 def contents(place: Path) -> dict[str, bytes]:
@@ -52,7 +52,7 @@ def test_the_bytes_are_those_of_a_whole_bake(scene: Path, tmp_path: Path) -> Non
     assert facts["generation"] == before.generation + 1
     whole = tmp_path / "whole"
     corner = before.grid.corner
-    bake_sources([scene], whole, BakeOptions(leaf_size=8.0, resolution=32, directions="5", workers=1, corner=corner))
+    bake_sources([scene], whole, BakeOptions(leaf_size=16.0, resolution=32, directions="5", workers=1, corner=corner))
     drop_garbage(DirectoryStore(place))
     assert contents(place) == contents(whole)
 
