@@ -48,10 +48,10 @@ def estimate(plan: Plan, parents: int, sampled: Sequence[Outcome], workers: int)
     tally = Tally.sum(outcome.cell.tally for outcome in sampled if outcome.cell is not None)
     if not sampled or tally.rebuilt < max(1, tally.cells):
         return None
-    # What a process does first also reads the compiled kernels: leaves it out when there is enough else.
+    # The slowest of each worker also read the compiled kernels: they are left out when there is enough else.
     seconds = sorted(outcome.seconds for outcome in sampled)
-    usual = seconds[: max(len(seconds) - workers, len(seconds) // 2)] if len(seconds) > 2 * workers else seconds
-    leaf = float(np.mean(seconds[: len(usual)]))
+    kept = len(seconds) - workers if len(seconds) > 2 * workers else len(seconds)
+    leaf = float(np.mean(seconds[:kept]))
     share = tally.cells / len(sampled)
     leaves = len(plan.leaves) * share
     tiles = tally.tiles / tally.cells
