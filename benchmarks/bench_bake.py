@@ -10,7 +10,6 @@ One worker against two; the profile is of one process, by processor time.
 from __future__ import annotations
 
 import cProfile
-import os
 import pstats
 import tempfile
 import time
@@ -26,10 +25,8 @@ from farfield.scene.read import read_scene
 from farfield.store.directory import DirectoryStore
 from farfield.world.verification import verify_world
 from farfield.world.world import World
+from objects import statues
 from storage import orthoview_storage
-
-DATA = Path(os.environ.get("FARFIELD_SHARED_DATA", Path(__file__).parents[2] / "shared/data"))
-STATUES = ("pan", "theodoric_the_great", "jenner", "horse_head", "eagle")
 
 STAGES = {
     "read and survey": ("scene/", "bake/survey", "blocks.py"),
@@ -65,7 +62,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         for layers, workers in ((2, 1),) if quick else ((2, 1), (2, 2), (1, 2)):
             chosen = replace(options, depth_layers=layers, workers=workers)
             name = f"layers_{layers}_workers_{workers}"
-            facts[name] = _timed(scene.path, folder / name, chosen)
+            facts[name] = timed_bake(scene.path, folder / name, chosen)
         facts["profile"] = _profile(scene.path, folder / "profiled", replace(options, workers=1))
         return facts
 
@@ -73,12 +70,11 @@ def run(quick: bool = False) -> dict[str, Any]:
 def _objects(quick: bool) -> ObjectsOptions:
     if quick:
         return ObjectsOptions(count=4, triangles=2000)
-    statues = tuple(DATA / "threedscans_statues" / f"{name}.glb" for name in STATUES)
-    found = statues if all(path.exists() for path in statues) else ()
-    return ObjectsOptions(count=125, meshes=found)
+    return ObjectsOptions(count=125, meshes=statues())
 
 
-def _timed(scene: Path, world: Path, options: BakeOptions) -> dict[str, Any]:
+def timed_bake(scene: Path, world: Path, options: BakeOptions) -> dict[str, Any]:
+    """Bakes and verifies the scene; speed, bytes, memory."""
     store = DirectoryStore(world)
     begun = time.monotonic()
     result = bake(read_scene([scene]), store, options)

@@ -49,3 +49,8 @@ def texture_key(file_hash: str) -> str:
 def record_key(cell: CellKey) -> str:
     """Key of the bake's note about a cell."""
     return f"record/{cell}"
+
+
+def chunk_key(name: str) -> str:
+    """Key of a part of the scene that the world was baked from (scene.stored); name: its content hash."""
+    return f"record/chunk/{name}"
