@@ -74,5 +74,5 @@ def _hills(side: int) -> Scene:
     triangles = np.concatenate(quads).astype(np.uint32)
     up = np.tile(np.array([0, 0, 1], np.float32), (len(positions), 1))
     mesh = Mesh(positions, triangles, up, (Material(),), np.zeros(len(triangles), np.uint16))
-    instances = Instances(np.zeros(1, np.int32), np.eye(3, 4)[None], np.ones(1, np.int64))
+    instances = Instances(np.zeros(1, np.int32), np.eye(3, 4)[None], *[np.ones(1, np.int64)] * 2)
     return Scene([_Held(mesh)], instances, object_count=1)

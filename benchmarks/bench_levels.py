@@ -119,5 +119,5 @@ def canopy(side: float, seed: int = 3) -> Scene:
         colors=colors,
     )
     return Scene(
-        [_Held(mesh)], Instances(np.zeros(1, np.int32), np.eye(3, 4)[None], np.ones(1, np.int64)), object_count=1
+        [_Held(mesh)], Instances(np.zeros(1, np.int32), np.eye(3, 4)[None], *[np.ones(1, np.int64)] * 2), object_count=1
     )

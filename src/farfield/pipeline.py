@@ -14,12 +14,15 @@ import msgspec
 import numpy as np
 
 from farfield.bake.bake import bake
-from farfield.bake.options import BakeOptions
+from farfield.bake.options import BAKE_VERSION, BakeOptions
+from farfield.bake.region import with_region
 from farfield.bake.repair import forget
 from farfield.errors import MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
+from farfield.scene.options import ReadOptions, Region
 from farfield.scene.read import read_scene
+from farfield.scene.stored.scene import read_scene_of
 from farfield.serve.viewer_files import install_viewer
 from farfield.store import Store
 from farfield.store.archive.writer import writing_archive
@@ -69,27 +72,39 @@ def bake_sources(
 
 
 def update_place(
-    place: Place, sources: Sequence[Path], workers: int = 0, progress: Progress | None = None
+    place: Place,
+    sources: Sequence[Path],
+    workers: int = 0,
+    progress: Progress | None = None,
+    region: Region | None = None,
 ) -> dict[str, Any]:
     """Makes a world hold what `sources` hold now (OV 4.1); the facts of `update --json`.
 
-    The grid and the options stay those of the world, so that the result has the same bytes as a whole bake into that
-    grid. Cells that hold nothing any more go. Old tiles stay for those who read the generation before. Raises
-    WorldError: the world does not tell its options, or has another CRS; and as `bake_sources`.
+    region: x0, y0, x1, y1 in the world's CRS; only what lies in it is replaced (`bake.region.with_region`) and, where
+    the file's format allows, read; without sources it is cleared. The grid and the options stay those of the
+    world, so that the result has the same bytes as a whole bake into that grid. Cells that hold nothing any more go.
+    Old tiles stay for those who read the generation before. Raises WorldError: the world does not tell its options or
+    its scene, or has another CRS; OptionError: nothing to do; and as `bake_sources`.
     """
     progress = progress or NoProgress()
     store = open_store(place)
     manifest = read_manifest(store)
-    grid, begun = manifest.grid, time.monotonic()
+    order, begun = _order_of(store), time.monotonic()
     options = replace(
-        _order_of(store).options,
-        leaf_size=grid.leaf_size,
-        resolution=grid.resolution,
-        corner=grid.corner,
+        order.options,
+        leaf_size=manifest.grid.leaf_size,
+        resolution=manifest.grid.resolution,
+        corner=manifest.grid.corner,
         workers=workers,
     )
-    scene = _in_frame(read_scene(sources), manifest, store.location)
-    _remember(store, sources, options)
+    if region is None:
+        scene = _in_frame(read_scene(sources), manifest, store.location)
+        _remember(store, sources, options)
+    else:
+        same = _paths(sources) == order.sources
+        scene = _changed(store, manifest, sources, region, same, progress)
+        if not same:
+            store.put(_ORDER_KEY, msgspec.json.encode(msgspec.structs.replace(order, changed=True)))
     result = bake(scene, store, options, progress)
     return {
         "world": str(place),
@@ -100,6 +115,21 @@ def update_place(
         "bytes": result.manifest.statistics.bytes,
         "peak_rss_bytes": peak_rss_bytes(),
     }
+
+
+def _changed(
+    store: Store, manifest: Manifest, sources: Sequence[Path], region: Region, same: bool, progress: Progress
+) -> Scene:
+    """The world's scene with a region replaced; same: by what it was baked from, as that is now."""
+    stored = read_scene_of(store, BAKE_VERSION)
+    if stored is None:
+        raise WorldError("the world does not tell its scene: another version or a script baked it", store.location,
+                         "update it once from everything, without --region")  # fmt: skip
+    fresh = None
+    if sources:
+        fresh = _in_frame(read_scene(sources, ReadOptions(crs=manifest.crs, region=region)), manifest, store.location)
+    scene = with_region(stored, fresh, region, store, progress)
+    return replace(scene, source_bytes=fresh.source_bytes) if fresh and same else scene
 
 
 def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
@@ -117,6 +147,8 @@ class _Order(msgspec.Struct, frozen=True):
 
     sources: tuple[str, ...]
     options: BakeOptions
+    changed: bool = False
+    """By region since, from other sources: the scene that the store keeps is the truth."""
 
 
 _ORDER_KEY = "record/order.json"
@@ -125,8 +157,11 @@ _ORDER_KEY = "record/order.json"
 def _remember(store: Store, sources: Sequence[Path], options: BakeOptions) -> None:
     # Who does the work is of no matter for the world, and a cluster may be gone when it is repaired.
     anywhere = replace(options, workers=0, scheduler="")
-    order = _Order(tuple(str(Path(source).resolve()) for source in sources), anywhere)
-    store.put(_ORDER_KEY, msgspec.json.encode(order))
+    store.put(_ORDER_KEY, msgspec.json.encode(_Order(_paths(sources), anywhere)))
+
+
+def _paths(sources: Sequence[Path]) -> tuple[str, ...]:
+    return tuple(str(Path(source).resolve()) for source in sources)
 
 
 def verify_place(place: Place, repair: bool = False, progress: Progress | None = None) -> Verification:
@@ -143,11 +178,16 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         if not found.faults:
             break
         order = _order_of(store)
-        sources = _sources_of(order)
-        progress.note(f"{len(found.faults):,} bad; baking them again from {', '.join(order.sources)}")
+        stored = read_scene_of(store, BAKE_VERSION) if order.changed else None
+        sources = [] if stored else _sources_of(order)
+        origin = "the scene that it keeps" if stored else ", ".join(order.sources)
+        progress.note(f"{len(found.faults):,} bad; baking them again from {origin}")
         with store.writing():
             forget(World.open(store), [fault.key for fault in found.faults])
-        bake_sources(sources, place, order.options, progress)
+        if stored:
+            bake(stored.scene, store, order.options, progress)
+        else:
+            bake_sources(sources, place, order.options, progress)
         found = verify_world(World.open(store), progress)
     return found
 

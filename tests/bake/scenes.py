@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.model import Instances, Material, Mesh, Scene, Texture
+from farfield.store.directory import DirectoryStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ def scene_of(*placed: tuple[Mesh, list[tuple[float, float, float]]]) -> Scene:
     first = 1 + np.cumsum(objects) - objects
     return Scene(
         meshes=[Held(m, f"mesh {i}") for i, (m, _) in enumerate(placed)],
-        instances=Instances(mesh, transform, first.astype(np.int64)),
+        instances=Instances(mesh, transform, first.astype(np.int64), objects.astype(np.int64)),
         object_count=int(objects.sum()),
         credits=("made for tests",),
     )
@@ -100,3 +102,10 @@ def village() -> Scene:
         (box((5.0, 5.0, 0.0), (9.0, 8.0, 6.0), wall), [(0.0, 0.0, 0.0)]),
         (box((0.0, 0.0, 0.0), (1.0, 1.0, 2.0), lamp), places),
     )
+
+
+def contents(place: Path) -> dict[str, bytes]:
+    """What readers see of a world: no notes of the bake, no generation."""
+    store = DirectoryStore(place)
+    found = {key: store.get(key) for key in store.list() if not key.startswith("record/")}
+    return found | {"world.json": found["world.json"].replace(b'"generation": 2', b'"generation": 1')}

@@ -77,6 +77,7 @@ def test_the_order_of_instances_does_not_change_a_tile(baked: MemoryStore) -> No
             mesh=scene.instances.mesh[order],
             transform=scene.instances.transform[order],
             first_object=scene.instances.first_object[order],
+            objects=scene.instances.objects[order],
         ),
     )
     store = MemoryStore()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bake.scenes import contents
 from farfield.bake.options import BakeOptions
 from farfield.cli import main
 from farfield.pipeline import bake_sources, update_place
@@ -17,13 +18,6 @@ from farfield.world.garbage import drop_garbage
 from farfield.world.manifest import read_manifest
 
 OPTIONS = BakeOptions(leaf_size=16.0, resolution=32, directions="5", workers=1)
-
-
-def contents(place: Path) -> dict[str, bytes]:
-    """What readers see of a world: no notes of the bake, no generation."""
-    store = DirectoryStore(place)
-    found = {key: store.get(key) for key in store.list() if not key.startswith("record/")}
-    return found | {"world.json": found["world.json"].replace(b'"generation": 2', b'"generation": 1')}
 
 
 @pytest.fixture

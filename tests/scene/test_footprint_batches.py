@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from farfield.errors import InputError
 from farfield.scene.footprints import ogr, read_footprints
-from farfield.scene.footprints.read import FootprintChunk
+from farfield.scene.footprints.features import FootprintChunk
 from farfield.scene.footprints.rings import Rings, flat_rings
 from farfield.scene.footprints.table import with_shared_text
 from farfield.scene.model import Scene
@@ -96,7 +96,7 @@ def outcome(path: Path, options: ReadOptions, batch: int) -> Scene | str:
 
 
 def arrays(chunk: FootprintChunk) -> list[np.ndarray]:
-    own = chunk.buildings
+    own = chunk.features
     return [own.rings.xy, own.rings.ring_start, own.rings.polygon_start, own.rings.polygon_feature, own.bottom,
             own.top, own.seed]  # fmt: skip
 

@@ -275,7 +275,11 @@ def test_facades_are_upright_and_have_windows(variant: int) -> None:
 @given(st.lists(st.tuples(st.floats(-1e5, 1e5), st.floats(-1e5, 1e5)), min_size=1, max_size=200), st.integers(1, 20))
 def test_split_is_a_partition(points: list[tuple[float, float]], most: int) -> None:
     codes = np.sort(morton_codes(np.array(points)))
-    ranges = split(codes, most)
+    found = split(codes, most)
+    ranges = [(low, high) for _, low, high in found]
+    for square, low, high in found:
+        assert square.codes[0] <= codes[low]
+        assert codes[high - 1] < square.codes[1]
     assert ranges[0][0] == 0
     assert ranges[-1][1] == len(codes)
     assert all(a[1] == b[0] for a, b in pairwise(ranges))
@@ -287,7 +291,7 @@ def test_lyon(shared_data: Callable[[str], Path]) -> None:
     assert scene.object_count == 2576
     assert scene.crs == "EPSG:3946"
     assert {"HAUTEUR", "USAGE1", "DATE_MAJ"} <= scene.attributes.keys()
-    mesh = load(scene)
-    assert mesh.object_count == 2576
-    agree = np.einsum("mc,mc->m", facing(mesh), mesh.normals[mesh.triangles[:, 0]])
-    assert (agree > 0).all()
+    meshes = [source.load() for source in scene.meshes]
+    assert sum(mesh.object_count for mesh in meshes) == 2576
+    for mesh in meshes:
+        assert (np.einsum("mc,mc->m", facing(mesh), mesh.normals[mesh.triangles[:, 0]]) > 0).all()

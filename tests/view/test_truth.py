@@ -43,7 +43,8 @@ class Broken:
 def scene_of(meshes: list[MeshSource], placements: list[tuple[int, NDArray[np.float64]]] | None = None) -> Scene:
     placements = placements or [(k, np.eye(3, 4)) for k in range(len(meshes))]
     numbers = np.arange(1, len(placements) + 1, dtype=np.int64)
-    rows = Instances(np.array([m for m, _ in placements], np.int32), np.stack([t for _, t in placements]), numbers)
+    rows = Instances(np.array([m for m, _ in placements], np.int32), np.stack([t for _, t in placements]), numbers,
+                     np.ones_like(numbers))  # fmt: skip
     return Scene(meshes, rows, object_count=len(placements))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from bake.scenes import village
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.errors import CorruptTileError, StoreError
-from farfield.scene.model import Scene
+from farfield.scene.model import Instances, Scene
 from farfield.store.memory import MemoryStore
 from farfield.world.garbage import drop_garbage
 from farfield.world.verification import verify_world
@@ -24,8 +24,8 @@ def without_last(scene: Scene) -> Scene:
     """The scene with one instance less."""
     kept = np.arange(len(scene.instances.mesh) - 1)
     own = scene.instances
-    return replace(scene, instances=replace(own, mesh=own.mesh[kept], transform=own.transform[kept],
-                                            first_object=own.first_object[kept]))  # fmt: skip
+    rows = {field.name: getattr(own, field.name)[kept] for field in fields(own)}
+    return replace(scene, instances=Instances(**rows))
 
 
 def contents(store: MemoryStore) -> dict[str, bytes]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -16,14 +16,18 @@ from farfield.bake.context import BakeJob
 from farfield.bake.crew import crew_of
 from farfield.bake.engine import Tree, bake_tree
 from farfield.bake.index import INDEX_DEPTH
-from farfield.bake.options import BakeOptions
+from farfield.bake.numbering import object_ids
+from farfield.bake.options import BAKE_VERSION, BakeOptions
+from farfield.bake.partition import partition
 from farfield.bake.plan import Plan, make_plan
-from farfield.bake.survey import MeshSummary, survey
-from farfield.errors import FarfieldError, InputError
+from farfield.bake.survey import survey
+from farfield.errors import CorruptTileError, FarfieldError, InputError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
+from farfield.scene.stored.scene import MeshSummary, read_scene_of, write_scene
 from farfield.store.contract import Store
-from farfield.world.keys import content_hash
+from farfield.world.attributes import AttributeIndex, encode_attribute_index
+from farfield.world.keys import attributes_key, content_hash
 from farfield.world.manifest import (
     KEY,
     DirectionRecord,
@@ -61,16 +65,36 @@ def bake(
     for warning in scene.warnings:
         progress.note(warning)
     with store.writing():
+        scene = partition(scene, store, progress)
+        known = _known(store, scene)
         with crew_of(scene, store, _workers(options), options.scheduler) as crew:
-            summaries = survey(crew.survey(len(scene.meshes)), len(scene.meshes), progress)
+            summaries = survey(known, crew.survey, progress)
+            write_scene(store, scene, summaries, BAKE_VERSION)
             plan = make_plan(scene, summaries, options)
             progress.note(_choices(plan))
+            scene = _numbered(scene, summaries, plan)
             job = BakeJob(scene, summaries, plan, options, options.signature(plan.grid))
             tree = bake_tree(job, crew, progress)
         if not tree.roots:
             raise InputError("nothing to bake: no triangle lies in any cell")
         manifest = _write_manifest(store, _manifest(job, store, tree))
     return BakeResult(manifest, time.monotonic() - begun, tree.rebuilt)
+
+
+def _known(store: Store, scene: Scene) -> list[MeshSummary | None]:
+    """What the bake before knew of the meshes of this one."""
+    try:
+        stored = read_scene_of(store, BAKE_VERSION)
+    except CorruptTileError:
+        stored = None
+    return [None] * len(scene.meshes) if stored is None else stored.known(scene.meshes)
+
+
+def _numbered(scene: Scene, summaries: list[MeshSummary], plan: Plan) -> Scene:
+    """With the ids of its objects, which hold in this grid."""
+    contents = [summary.content for summary in summaries]
+    first = object_ids(scene.instances, contents, plan.grid)
+    return replace(scene, instances=replace(scene.instances, first_object=first))
 
 
 def _choices(plan: Plan) -> str:
@@ -142,14 +166,13 @@ def _statistics(scene: Scene, summaries: list[MeshSummary], tally: Tally) -> Sta
 
 
 def _write_attributes(scene: Scene, store: Store) -> str | None:
-    if not scene.attributes:
+    """The index of the tables that the partition stored."""
+    own = scene.instances
+    rows = zip(own.first_object.tolist(), own.objects.tolist(), scene.attribute_parts, strict=True)
+    parts = tuple(sorted(row for row in rows if row[2]))
+    if not parts:
         return None
-    columns = {column: list(values) for column, values in scene.attributes.items()}
-    data = msgspec.json.encode({"objects": scene.object_count, "columns": columns}, enc_hook=_plain)
+    data = encode_attribute_index(AttributeIndex(scene.object_count, parts))
     name = content_hash(data)
-    store.put(f"attributes/{name}", data)
+    store.put(attributes_key(name), data)
     return name
-
-
-def _plain(value: object) -> object:
-    return value.item() if hasattr(value, "item") else str(value)

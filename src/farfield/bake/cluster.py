@@ -16,7 +16,7 @@ import socket
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -115,14 +115,13 @@ class Cluster:
         """Gives every worker the scene and the store, once it is seen that they reach what it names."""
         expected = Expected(uuid4().bytes, _files(self._scene))
         self._store.put(TOKEN_KEY, expected.token)
-        # Attributes go into the manifest alone and may be large.
-        scene = replace(self._scene, attributes={}, warnings=())
+        scene = replace(self._scene, attribute_parts=(), warnings=())
         self._hand_out(SceneOnWorker(scene, self._store, expected), self._name)
 
-    def survey(self, count: int) -> Iterator[Surveyed]:
+    def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
         """See `Crew.survey`."""
-        step = meshes_at_once(count, self.size)
-        parts = [range(first, min(first + step, count)) for first in range(0, count, step)]
+        step = meshes_at_once(len(meshes), self.size)
+        parts = [list(meshes[first : first + step]) for first in range(0, len(meshes), step)]
         futures = self._client.map(survey_there, parts, bake=self._name, pure=False)
         arrived: Arrivals = SimpleQueue()
         for future in futures:

@@ -150,7 +150,7 @@ def _is_here(path: Path, size: int) -> bool:
         return False
 
 
-def survey_there(meshes: range, *, bake: str) -> list[Surveyed]:
+def survey_there(meshes: list[int], *, bake: str) -> list[Surveyed]:
     """`Worker.survey` of several meshes; bake: name of the plugins."""
     worker = _scene_of(bake).here()
     return [worker.survey(mesh) for mesh in meshes]

@@ -9,7 +9,7 @@ import numpy as np
 
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan
-from farfield.bake.survey import MeshCache, MeshSummary
+from farfield.bake.survey import MeshCache
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
@@ -17,6 +17,7 @@ from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.write import encode_texture, mesh_glb
 from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
+from farfield.scene.stored.scene import MeshSummary
 from farfield.store.contract import Store
 from farfield.world.keys import content_hash, mesh_key, texture_key
 
@@ -63,7 +64,7 @@ class BakeContext:
         self._mesh_files: dict[int, tuple[str, int]] = {}
 
     def materials(self, meshes: tuple[int, ...]) -> LeafMaterials:
-        """The joined materials of these meshes, ascending; the last few are kept, with their mip chains."""
+        """The joined materials of these meshes, in their order; the last few are kept, with their mip chains."""
         if meshes not in self._tables:
             base: dict[int, int] = {}
             joined: list[Material] = []

@@ -85,8 +85,10 @@ def _named_sets(options: CoverageOptions) -> dict[str, tuple[Direction, ...]]:
 
 def _context(scene: Scene, options: CoverageOptions, progress: Progress) -> BakeContext:
     meshes = MeshCache(scene)
-    found = (survey_mesh(meshes, index, source) for index, source in enumerate(scene.meshes))
-    summaries = survey(found, len(scene.meshes), progress)
+    sources = scene.meshes
+    summaries = survey(
+        [None] * len(sources), lambda wanted: (survey_mesh(meshes, mesh, sources[mesh]) for mesh in wanted), progress
+    )
     bake = BakeOptions(leaf_size=options.leaf_size, resolution=options.resolution, geometry=False)
     plan = make_plan(scene, summaries, bake)
     return BakeContext(BakeJob(scene, summaries, plan, bake, bake.signature(plan.grid)), MemoryStore(), meshes)

@@ -30,8 +30,8 @@ class Crew(Protocol):
     size: int
     """How many pieces are done at a time."""
 
-    def survey(self, count: int) -> Iterator[Surveyed]:
-        """Surveys the meshes 0 .. count - 1, in that order."""
+    def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
+        """Surveys the meshes of these numbers, in that order."""
         ...
 
     def begin(self, job: BakeJob) -> None:
@@ -101,9 +101,9 @@ class Alone:
         self._worker = Worker(scene, store)
         self._given: list[Branch] = []
 
-    def survey(self, count: int) -> Iterator[Surveyed]:
+    def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
         """See `Crew.survey`."""
-        return map(self._worker.survey, range(count))
+        return map(self._worker.survey, meshes)
 
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`."""
@@ -131,12 +131,12 @@ class Processes:
         self._pool: ProcessPoolExecutor | None = None
         self._pending: set[Future[Outcome]] = set()
 
-    def survey(self, count: int) -> Iterator[Surveyed]:
+    def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
         """See `Crew.survey`."""
-        if count == 1 and self._alone is not None:
-            return self._alone.survey(count)
+        if len(meshes) == 1 and self._alone is not None:
+            return self._alone.survey(meshes)
         pool = self._started()
-        return pool.map(survey_here, range(count), chunksize=meshes_at_once(count, self.size))
+        return pool.map(survey_here, meshes, chunksize=meshes_at_once(len(meshes), self.size))
 
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`."""

@@ -19,7 +19,7 @@ from farfield.world.index import Bounds, CellEntry, GeometryEntry
 from farfield.world.keys import content_hash, geometry_key
 
 Parts = dict[int, list[Chunk]]
-"""Mesh -> its clipped pieces."""
+"""Mesh -> its clipped pieces, in an order of the meshes that depends on their content alone."""
 
 
 def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
@@ -33,8 +33,8 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     if not parts:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
         return None
-    materials = context.materials(tuple(sorted(parts)))
-    chunk = merge([piece for mesh in sorted(parts) for piece in parts[mesh]])
+    materials = context.materials(tuple(parts))
+    chunk = merge([piece for pieces in parts.values() for piece in pieces])
     tiles = _draw(context, key, chunk, materials)
     geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
     cell_hash = store_tiles(context, key, tiles)
@@ -82,8 +82,10 @@ def _clip(context: BakeContext, key: CellKey, position: int) -> Parts:
     table, summaries = context.job.scene.instances, context.job.summaries
     starts = np.flatnonzero(np.append(True, instances[1:] != instances[:-1]))
     groups = [(int(instances[s]), b) for s, b in zip(starts, np.split(blocks, starts[1:]), strict=True)]
-    groups.sort(key=lambda g: (summaries[table.mesh[g[0]]].content, table.transform[g[0]].tobytes()))
-    meshes = tuple(sorted({int(table.mesh[i]) for i, _ in groups}))
+    groups.sort(
+        key=lambda g: (summaries[table.mesh[g[0]]].content, table.transform[g[0]].tobytes(), table.first_object[g[0]])
+    )
+    meshes = tuple(dict.fromkeys(int(table.mesh[i]) for i, _ in groups))
     base = context.materials(meshes).base
     pieces: list[tuple[int, Chunk]] = []
     for instance, chosen in groups:
@@ -103,7 +105,7 @@ def _clip(context: BakeContext, key: CellKey, position: int) -> Parts:
 
 def _rebased(context: BakeContext, pieces: list[tuple[int, Chunk]], base: dict[int, int]) -> Parts:
     """Pieces by mesh, their materials numbered within the meshes that really are in the leaf."""
-    present = tuple(sorted({mesh for mesh, _ in pieces}))
+    present = tuple(dict.fromkeys(mesh for mesh, _ in pieces))
     parts: Parts = {}
     if not present:
         return parts
@@ -130,10 +132,10 @@ def _draw(context: BakeContext, key: CellKey, chunk: Chunk, materials: LeafMater
 def _near_geometry(
     context: BakeContext, key: CellKey, position: int, parts: Parts, materials: LeafMaterials
 ) -> GeometryEntry:
-    own = [piece for mesh in sorted(parts) if not context.shared[mesh] for piece in parts[mesh]]
+    own = [piece for mesh, pieces in parts.items() if not context.shared[mesh] for piece in pieces]
     chunk = merge(own) if own else None
     placed, files = [], []
-    for mesh in sorted(parts):
+    for mesh in parts:
         if context.shared[mesh]:
             files.append(context.mesh_file(mesh))
             placed.append(_placed(context, key, position, mesh, files[-1][0]))

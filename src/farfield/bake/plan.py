@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.bake.options import BakeOptions
-from farfield.bake.survey import MeshSummary
 from farfield.errors import InputError
 from farfield.octree.grid import CellKey, Grid, axis_levels_of
 from farfield.scene.model import Instances, Scene
+from farfield.scene.stored.scene import MeshSummary
 
 MOST_LEAVES = 2000
 """Occupied leaves that the default leaf size allows."""

@@ -20,7 +20,8 @@ def forget(world: World, bad: Iterable[str]) -> None:
     """Makes the next bake of the same input write the values under these keys anew.
 
     Tiles and near geometry: the note about their cell goes. Meshes and images that leaves share: the value goes, and
-    the note about one leaf that needs it. Index tiles and attributes are written by every bake. Raises StoreError.
+    the note about one leaf that needs it. Tables of attributes go, to be written by the next
+    bake as index tiles are. Raises StoreError.
     """
     store = world.store
     shared: set[str] = set()
@@ -29,6 +30,8 @@ def forget(world: World, bad: Iterable[str]) -> None:
             store.delete(keys.record_key(CellKey.parse(found[1])))
         elif key.startswith(("mesh/", "texture/")):
             shared.add(key)
+            store.delete(key)
+        elif key.startswith("attributes/"):
             store.delete(key)
     if shared:
         _forget_users(world, shared)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any
@@ -15,20 +15,10 @@ from farfield.errors import InputError
 from farfield.progress import Progress
 from farfield.represent.blocks import BlockedMesh
 from farfield.scene.model import Material, Mesh, MeshSource, Scene
+from farfield.scene.stored.scene import MeshSummary
 
 CACHE_BYTES = 1 << 29
 """Meshes a process keeps loaded; the least recently used go first."""
-
-
-@dataclass(frozen=True, slots=True)
-class MeshSummary:
-    """What the plan needs to know of a mesh."""
-
-    boxes: NDArray[np.float64]
-    """(b, 2, 3) float64: bounds of each block of triangles, mesh frame; b = 0 for a mesh that cannot be used."""
-    triangles: int
-    content: str
-    """Hash of geometry and materials."""
 
 
 @dataclass(slots=True)
@@ -79,7 +69,6 @@ class Surveyed:
     """A mesh's summary, and what there is to say of it."""
 
     summary: MeshSummary
-    notes: tuple[str, ...] = ()
     problem: InputError | None = None
     """Why it is left out."""
 
@@ -89,23 +78,32 @@ def survey_mesh(cache: MeshCache, index: int, source: MeshSource) -> Surveyed:
     try:
         mesh = source.load()
         loaded = cache.add(index, mesh)
-        summary = MeshSummary(loaded.blocks.boxes, len(mesh.triangles), _content(mesh))
-        return Surveyed(summary, tuple(mesh.warnings))
+        return Surveyed(MeshSummary(loaded.blocks.boxes, len(mesh.triangles), _content(mesh), tuple(mesh.warnings)))
     except InputError as error:
-        return Surveyed(MeshSummary(np.zeros((0, 2, 3)), 0, ""), (f"left out: {error}",), error)
+        return Surveyed(MeshSummary(np.zeros((0, 2, 3)), 0, "", (f"left out: {error}",)), error)
 
 
-def survey(found: Iterable[Surveyed], count: int, progress: Progress) -> list[MeshSummary]:
-    """Summaries of `count` meshes. One that cannot be read is reported and left out; InputError when none is left."""
-    progress.start(count, "meshes surveyed")
-    summaries, problem = [], None
-    for surveyed in found:
-        for note in surveyed.notes:
+def survey(
+    known: Sequence[MeshSummary | None], look: Callable[[list[int]], Iterable[Surveyed]], progress: Progress
+) -> list[MeshSummary]:
+    """Summaries of all meshes. One that cannot be read is reported and left out; InputError when none is left.
+
+    known: (meshes,) what is known already, or None. look: surveys the meshes of these numbers, in that order.
+    """
+    wanted = [mesh for mesh, summary in enumerate(known) if summary is None]
+    found = dict(enumerate(known))
+    problem = None
+    if wanted:
+        progress.start(len(wanted), "meshes surveyed")
+        for mesh, surveyed in zip(wanted, look(wanted), strict=True):
+            problem = problem or surveyed.problem
+            found[mesh] = surveyed.summary
+            progress.advance()
+        progress.finish()
+    summaries = [summary for summary in found.values() if summary is not None]
+    for summary in summaries:
+        for note in summary.notes:
             progress.note(note)
-        problem = problem or surveyed.problem
-        summaries.append(surveyed.summary)
-        progress.advance()
-    progress.finish()
     if all(s.triangles == 0 for s in summaries):
         raise problem or InputError("nothing to bake: the scene holds no triangle")
     return summaries

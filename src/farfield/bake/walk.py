@@ -41,7 +41,9 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     """Composites a cell from its finished children, ascending by key; None when there are none."""
     if not below:
         return None
-    source = content_hash(context.job.signature.encode(), *(c.record.entry.output.encode() for c in below))
+    # How far a cell reaches up and down depends on the world's height, and which views are chosen on that.
+    box = context.grid.bounds(key).tobytes()
+    source = content_hash(context.job.signature.encode(), box, *(c.record.entry.output.encode() for c in below))
     record = read_record(context.store, key, source)
     fresh = record is None
     tiles = objects = None

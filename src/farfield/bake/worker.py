@@ -7,7 +7,7 @@ import os
 import pickle
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from farfield.bake.cell import BakedCell
@@ -103,13 +103,14 @@ class Worker:
 
 def pack_job(job: BakeJob) -> bytes:
     """A job for workers that hold the scene already."""
-    rest = (job.summaries, job.plan, job.options, job.signature)
+    rest = (job.scene.instances, job.summaries, job.plan, job.options, job.signature)
     return pickle.dumps(rest, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def unpack_job(scene: Scene, packed: bytes) -> BakeJob:
     """The job again; packed: by `pack_job`, of this scene."""
-    return BakeJob(scene, *pickle.loads(packed))
+    instances, *rest = pickle.loads(packed)
+    return BakeJob(replace(scene, instances=instances), *rest)
 
 
 _worker: Worker | None = None

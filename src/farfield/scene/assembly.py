@@ -30,7 +30,7 @@ def scene_of(
     per_instance = counts[mesh_rows]
     ends = np.cumsum(per_instance)
     first = ends - per_instance + 1
-    instances = Instances(mesh_rows.astype(np.int32), np.ascontiguousarray(transforms, np.float64), first)
+    instances = Instances(mesh_rows.astype(np.int32), np.ascontiguousarray(transforms, np.float64), first, per_instance)
     return Scene(tuple(meshes), instances, object_count=int(ends[-1]) if len(ends) else 0, **fields)
 
 
@@ -50,6 +50,7 @@ def place(scene: Scene, transforms: NDArray[np.float64]) -> Scene:
         np.tile(scene.instances.mesh, copies),
         placed,
         (scene.instances.first_object[None] + offsets).ravel(),
+        np.tile(scene.instances.objects, copies),
     )
     attributes = {name: np.tile(np.asarray(column), copies) for name, column in scene.attributes.items()}
     return replace(scene, instances=instances, object_count=copies * scene.object_count, attributes=attributes)
@@ -69,7 +70,7 @@ def join(scenes: Sequence[Scene]) -> Scene:
     for scene in scenes:
         rows = np.array([_number(source, meshes, number) for source in scene.meshes], np.int32)
         own = scene.instances
-        parts.append(Instances(rows[own.mesh], own.transform, own.first_object + objects))
+        parts.append(Instances(rows[own.mesh], own.transform, own.first_object + objects, own.objects))
         objects += scene.object_count
     frame = next((scene for scene in scenes if scene.crs is not None), scenes[0])
     return Scene(
@@ -78,6 +79,7 @@ def join(scenes: Sequence[Scene]) -> Scene:
             np.concatenate([part.mesh for part in parts]),
             np.concatenate([part.transform for part in parts]),
             np.concatenate([part.first_object for part in parts]),
+            np.concatenate([part.objects for part in parts]),
         ),
         crs=frame.crs,
         origin=frame.origin,
@@ -85,6 +87,7 @@ def join(scenes: Sequence[Scene]) -> Scene:
         source_bytes=sum(scene.source_bytes for scene in scenes),
         object_count=objects,
         attributes=_join_attributes(scenes),
+        families=tuple(dict.fromkeys(name for scene in scenes for name in scene.families)),
         warnings=tuple(line for scene in scenes for line in scene.warnings),
     )
 

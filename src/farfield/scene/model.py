@@ -82,7 +82,9 @@ class Instances:
     transform: NDArray[np.float64]
     """(k, 3, 4) float64: scene point = transform[:, :3] @ mesh point + transform[:, 3]; may mirror or shear."""
     first_object: NDArray[np.int64]
-    """(k,) int64: scene object id of the mesh's object 0; ids start at 1, 0 means none."""
+    """(k,) int64: number of the mesh's object 0 among the scene's objects, from 1; `bake.numbering` gives the ids."""
+    objects: NDArray[np.int64]
+    """(k,) int64: objects of the mesh."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +104,10 @@ class Scene:
     """Size of the files read."""
     object_count: int = 0
     attributes: dict[str, Any] = field(default_factory=dict)
-    """Per-object attributes: column name -> sequence of length object_count (row = object id - 1)."""
+    """Per-object attributes: column name -> sequence of length object_count (row = object number - 1)."""
+    attribute_parts: tuple[str, ...] = ()
+    """(k,) for each instance the hash of its objects' attributes once they are stored, or ""; else empty."""
+    families: tuple[str, ...] = ()
+    """Files of footprints that were read, whether or not anything of them is here."""
     warnings: tuple[str, ...] = ()
     """What was left out and why, one line each, already counted ("3 footprints without height in x.gpkg")."""

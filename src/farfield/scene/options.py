@@ -6,6 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+Region = tuple[float, float, float, float]
+"""x0, y0, x1, y1: a rectangle of the plane in coordinates of the CRS, half-open."""
+
+
+def inside(points: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
+    """(n,) bool: which of the points (n, 2 or more) lie in a region."""
+    x, y = points[:, 0], points[:, 1]
+    return np.asarray((x >= region[0]) & (y >= region[1]) & (x < region[2]) & (y < region[3]))
+
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
@@ -23,8 +35,10 @@ class ReadOptions:
     """Footprints: the layer of a GeoPackage; None: the first."""
     facades: bool = True
     """Footprints: windowed walls; False: plain colours."""
-    buildings_per_mesh: int = 4096
-    """Footprints: a file is split by place into meshes of at most about this many."""
+    region: Region | None = None
+    """Footprints: only those whose middle lies in it; None: all."""
+    buildings_per_mesh: int | None = None
+    """Footprints: a file is split by place into meshes of at most about this many; None: the usual number."""
     crs: str | None = None
     """Footprints in another coordinate reference system are brought to this one; None: they keep theirs."""
     inside: tuple[Path, ...] = ()

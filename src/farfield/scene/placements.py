@@ -33,5 +33,5 @@ def without_absurd(scene: Scene) -> Scene:
     names = sorted({scene.meshes[row].name for row in scene.instances.mesh[~good]})
     line = f"{names[0]}: left out {lost} that are NaN, infinite or more than 10,000 km from the rest"
     own = scene.instances
-    kept = Instances(own.mesh[good], own.transform[good], own.first_object[good])
+    kept = Instances(own.mesh[good], own.transform[good], own.first_object[good], own.objects[good])
     return replace(scene, instances=kept, warnings=(*scene.warnings, line))

@@ -16,6 +16,7 @@ from farfield.store.archive.order import rank
 from farfield.store.contract import Store
 from farfield.store.opening import is_url
 from farfield.world import keys
+from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
 from farfield.world.reach import IndexRoot, first_index_tiles, parted, textures_of
@@ -166,7 +167,10 @@ class _Copy:
     def _copy_shared(self) -> None:
         """Meshes before images: they name some."""
         attributes = self._manifest.attributes
-        first = [_Wanted(f"attributes/{attributes}")] if attributes else []
+        first: list[_Wanted] = []
+        if attributes:
+            first = [_Wanted(keys.attributes_key(attributes))]
+            first += [_Wanted(key) for key in attribute_tables(self._source, attributes)]
         first += [_Wanted(keys.mesh_key(name), self._meshes[name]) for name in sorted(self._meshes)]
         self._progress.start(len(first), "meshes")
         for _ in self._copy(first):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from farfield.progress import NoProgress, Progress
 from farfield.store.contract import Store
 from farfield.world import keys
+from farfield.world.attributes import attribute_tables
 from farfield.world.index import decode_index
 from farfield.world.manifest import read_manifest
 from farfield.world.reach import first_index_tiles, parted, textures_of
@@ -70,7 +71,8 @@ def _living(store: Store, progress: Progress) -> _Living:
     manifest = read_manifest(store)
     living = _Living({kind: {} for kind in ("orthoview", "objects", "geometry", "index")})
     if manifest.attributes:
-        living.shared.add(f"attributes/{manifest.attributes}")
+        living.shared.add(keys.attributes_key(manifest.attributes))
+        living.shared.update(attribute_tables(store, manifest.attributes))
     pending = first_index_tiles(manifest)
     progress.start(None, "cells read")
     while pending:

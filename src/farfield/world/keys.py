@@ -54,3 +54,8 @@ def record_key(cell: CellKey) -> str:
 def chunk_key(name: str) -> str:
     """Key of a part of the scene that the world was baked from (scene.stored); name: its content hash."""
     return f"record/chunk/{name}"
+
+
+def attributes_key(name: str) -> str:
+    """Key of attributes of objects, or of the index of such tables; name: its content hash."""
+    return f"attributes/{name}"

@@ -14,6 +14,7 @@ from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
 from farfield.world import keys
+from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, GeometryEntry, decode_index
 from farfield.world.reach import first_index_tiles, object_keys, parted, textures_of, tile_keys
 from farfield.world.world import World
@@ -69,11 +70,20 @@ def verify_world(world: World, progress: Progress | None = None) -> Verification
         textures = dict.fromkeys(name for report in reports for name in report.textures)
         others = [keys.texture_key(name) for name in textures]
         if world.manifest.attributes:
-            others.append(f"attributes/{world.manifest.attributes}")
+            others += _attributes_of(store, world.manifest.attributes)
         reports += pool.map(lambda key: _check_hashed(store, key), others)
     progress.finish()
     faults = tuple(dict.fromkeys(fault for report in reports for fault in report.faults))
     return Verification(len(entries), sum(r.tiles for r in reports), sum(r.bytes for r in reports), faults)
+
+
+def _attributes_of(store: Store, name: str) -> list[str]:
+    """Keys of the index of attributes and of its tables, which are unknown when it is damaged."""
+    try:
+        tables = attribute_tables(store, name)
+    except (CorruptTileError, StoreError):
+        tables = []
+    return [keys.attributes_key(name), *tables]
 
 
 def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:

@@ -112,6 +112,8 @@ class InstanceList(msgspec.Struct, frozen=True):
 class LeafNotes(msgspec.Struct, frozen=True):
     """What glTF has no place for."""
 
+    objects: _Number | None = None
+    """Accessor of the object id of each feature; None: a feature's number is its id."""
     instances: tuple[InstanceList, ...] = ()
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -48,13 +48,25 @@ def read_leaf_glb(data: bytes, where: str, texture: TextureReader) -> LeafGeomet
         glb = _Glb(data)
         if not glb.document.scenes:
             raise ValueError("without a scene")
+        notes = glb.document.scenes[0].extras.farfield
         placed = tuple(
             PlacedMesh(item.mesh, glb.transforms(item.transforms), glb.objects(item.objects))
-            for item in glb.document.scenes[0].extras.farfield.instances
+            for item in notes.instances
         )
         if any(len(p.transforms) != len(p.objects) for p in placed):
             raise ValueError("instances with more transforms or fewer than object ids")
-        return LeafGeometry(glb.mesh(texture) if glb.document.meshes else None, placed)
+        mesh = glb.mesh(texture) if glb.document.meshes else None
+        if mesh is not None and notes.objects is not None:
+            mesh = _with_ids(mesh, glb.objects(notes.objects))
+        return LeafGeometry(mesh, placed)
+
+
+def _with_ids(mesh: Mesh, ids: NDArray[np.uint32]) -> Mesh:
+    """The mesh with object ids in place of the numbers of its features."""
+    numbers = mesh.triangle_object
+    if numbers is None or mesh.object_count > len(ids):
+        raise ValueError("a feature without an object id")
+    return replace(mesh, triangle_object=ids[numbers], object_count=int(ids.max(initial=0)) + 1)
 
 
 def read_mesh_glb(data: bytes, where: str, texture: TextureReader) -> Mesh:

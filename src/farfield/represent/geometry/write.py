@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -51,10 +51,15 @@ def leaf_glb(
 ) -> bytes:
     """GLB of a leaf: its own triangles (positions relative to the lower corner) and its list of instances."""
     writer = GlbWriter()
+    notes: dict[str, Any] = {"cell": str(cell)}
     nodes = []
     if chunk is not None:
-        nodes = _add_mesh(writer, chunk, materials, lambda t: _LEAF_TEXTURES + texture_hash(t))
-    listed = [
+        # Features are numbered within the file: a float32, which glTF has for them, tells only 2^24 numbers apart.
+        ids, numbers = np.unique(chunk.objects, return_inverse=True)
+        numbered = replace(chunk, objects=numbers.astype(np.uint32))
+        nodes = _add_mesh(writer, numbered, materials, lambda t: _LEAF_TEXTURES + texture_hash(t))
+        notes["objects"] = writer.accessor(ids.astype(np.uint32))
+    notes["instances"] = [
         {
             "mesh": p.mesh,
             "transforms": writer.accessor(_columns(p.transforms)),
@@ -62,8 +67,7 @@ def leaf_glb(
         }
         for p in placed
     ]
-    extras = {"farfield": {"cell": str(cell), "instances": listed}}
-    writer.json["scenes"] = [{"nodes": nodes, "extras": extras}]
+    writer.json["scenes"] = [{"nodes": nodes, "extras": {"farfield": notes}}]
     return writer.pack()
 
 

@@ -1,5 +1,6 @@
 """Building footprints with heights, extruded: table, heights, rings, chunks, prisms, façades."""
 
-from farfield.scene.footprints.read import FootprintChunk, read_footprints
+from farfield.scene.footprints.features import FootprintChunk
+from farfield.scene.footprints.read import read_footprints
 
 __all__ = ["FootprintChunk", "read_footprints"]

@@ -14,25 +14,45 @@ from numpy.typing import NDArray
 from farfield.errors import InputError
 from farfield.scene.faults import EXPORT_AGAIN
 from farfield.scene.footprints.table import FeatureTable, plain, with_shared_text
+from farfield.scene.georeference import load_pyproj
+from farfield.scene.options import Region
 
 _OBJECTS = 1 << 22
 """Texts and encoded shapes that a part of a file may hold: 0.3 to 0.8 GB before equal texts are shared."""
+_REACH = 500.0
+"""Metres around a region: what has its middle in it reaches into this, up to a kilometre in size."""
 _PARTS = 4
 """Parts of a FlatGeobuf at most: GDAL skips its features by reading them, 0.7 to 1.8 µs each."""
 
 
-def read_ogr(path: Path, layer: str | None) -> FeatureTable:
-    """All features of a GeoJSON, GeoPackage or FlatGeobuf file. Raises InputError."""
+def read_ogr(
+    path: Path, layer: str | None, region: Region | None = None, region_crs: str | None = None
+) -> FeatureTable:
+    """The features of a GeoJSON, GeoPackage or FlatGeobuf file. Raises InputError.
+
+    region: no others than those whose shapes reach near it, found by the file's own index where it has one.
+    region_crs: CRS of its coordinates; None: that of the file.
+    """
     wkb: list[NDArray[np.object_]] = []
     columns: dict[str, list[NDArray[Any]]] = defaultdict(list)
     known: dict[str, dict[str, str]] = defaultdict(dict)
     crs: str | None = None
-    for part in _parts(path, layer):
+    for part in _parts(path, layer) if region is None else _near(path, layer, region, region_crs):
         crs = part.crs
         wkb += part.wkb
         for name in list(part.columns):
             columns[name].append(with_shared_text(plain(part.columns.pop(name)), known[name]))
     return FeatureTable(wkb, {name: np.concatenate(columns.pop(name)) for name in list(columns)}, crs)
+
+
+def _near(path: Path, layer: str | None, region: Region, region_crs: str | None) -> Iterator[FeatureTable]:
+    about = _facts(path, layer)
+    low = (region[0] - _REACH, region[1] - _REACH)
+    box = (*low, region[2] + _REACH, region[3] + _REACH)
+    if about["crs"] is not None and region_crs is not None and about["crs"] != region_crs:
+        pyproj = load_pyproj(str(path))
+        box = pyproj.Transformer.from_crs(region_crs, about["crs"], always_xy=True).transform_bounds(*box)
+    yield _read(path, about["layer_name"], bbox=box)
 
 
 def _parts(path: Path, layer: str | None) -> Iterator[FeatureTable]:
@@ -71,7 +91,7 @@ def _facts(path: Path, layer: str | None) -> dict[str, Any]:
         raise _unreadable(path, layer, error) from error
 
 
-def _read(path: Path, layer: str | None, **which: int) -> FeatureTable:
+def _read(path: Path, layer: str | None, **which: Any) -> FeatureTable:
     import pyogrio
 
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,70 +12,72 @@ from numpy.typing import NDArray
 from farfield.errors import InputError
 from farfield.scene.assembly import scene_of
 from farfield.scene.faults import EXPORT_AGAIN, counted
+from farfield.scene.footprints import order
+from farfield.scene.footprints.features import Features, by_place, centres_of, chunk_at
 from farfield.scene.footprints.heights import heights_of, named_column, numbers
 from farfield.scene.footprints.ogr import read_ogr
-from farfield.scene.footprints.order import morton_codes, split
+from farfield.scene.footprints.order import split
 from farfield.scene.footprints.outlines import BATCH, Outlines, outlines_of
 from farfield.scene.footprints.parquet import read_parquet
-from farfield.scene.footprints.prisms import Buildings, prism_mesh
 from farfield.scene.footprints.repair import reports
 from farfield.scene.footprints.reproject import in_metres
-from farfield.scene.footprints.rings import Rings
 from farfield.scene.footprints.table import FeatureTable
 from farfield.scene.georeference import local_origin
-from farfield.scene.model import Mesh, Scene
-from farfield.scene.options import ReadOptions
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FootprintChunk:
-    """Nearby buildings of one file, about 400 kB for 4,096. It carries its rings, so workers never read the file."""
-
-    name: str
-    buildings: Buildings
-    facades: bool
-
-    def load(self) -> Mesh:
-        """Extrudes the buildings: 4,096 take about 0.1 s."""
-        return prism_mesh(self.buildings, self.facades)
+from farfield.scene.model import Scene
+from farfield.scene.options import ReadOptions, inside
 
 
 def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Scene:
     """The buildings of a file, one object each, ordered by place. Raises InputError when it holds none.
 
     batch: features drawn together; it changes the memory that is needed, never the scene. Tokyo's 1.8 million buildings
-    take 0.7 GB at most.
+    take 0.7 GB at most. With a region the scene has those whose middle lies in it, and may be empty.
     """
     where = str(path)
     warnings: list[str] = []
-    table = read_parquet(path) if path.suffix.lower() in (".parquet", ".geoparquet") else read_ogr(path, options.layer)
-    if not len(table):
+    table = _table(path, options)
+    if not len(table) and options.region is None:
         raise InputError("holds no features", where, EXPORT_AGAIN)
+    if not len(table):
+        return scene_of([], np.empty(0, np.int32), np.empty((0, 3, 4)), crs=options.crs or table.crs, families=(where,),
+                        source_bytes=path.stat().st_size)  # fmt: skip
     crs, project = in_metres(table, options.crs, where, warnings)
     height = heights_of(table.columns, len(table), options.height_attribute, options.default_height, where)
     base = _base(table, options.base_attribute, where, warnings)
     faults: Counter[str] = Counter()
     outlines = outlines_of(table, project, batch, faults)
     warnings += reports(faults, where)
-    known = ~np.isnan(height[outlines.row])
-    if lost := int((~known).sum()):
+    chosen = ~np.isnan(height[outlines.row])
+    if lost := int((~chosen).sum()):
         warnings.append(f"{where}: left out {counted(lost, 'footprint')} without height; a default_height keeps them")
-    if not known.any():
+    if options.region is not None:
+        chosen &= inside(centres_of(outlines.box), options.region)
+    elif not chosen.any():
         why = f"; {warnings[0].removeprefix(where + ': ')}" if warnings else ""
         raise InputError(f"holds no footprint that can be extruded{why}", where, "check its shapes and heights")
-    codes, features = _by_place(outlines, np.flatnonzero(known))
-    ranges = split(codes, options.buildings_per_mesh)
-    corners, chunks = _chunks(path, outlines, [features[a:b] for a, b in ranges], base, height, options.facades)
-    origin = (0.0, 0.0, 0.0) if crs is None else local_origin(tuple(corners.min(axis=0)))
+    codes, features = by_place(outlines.box, np.flatnonzero(chosen))
+    ranges = split(codes, options.buildings_per_mesh or order.BUILDINGS_PER_MESH)
+    chunks = [
+        chunk_at(square, _features(outlines, features[a:b], base, height), where, options.facades)
+        for square, a, b in ranges
+    ]
+    corners = np.array([chunk.corner for chunk in chunks]).reshape(-1, 3)
+    origin = (0.0, 0.0, 0.0) if crs is None or not chunks else local_origin(tuple(corners.min(axis=0)))
     transforms = np.tile(np.eye(4)[:3], (len(chunks), 1, 1))
     transforms[:, :, 3] = corners - origin
-    counts = np.diff(ranges, axis=1)[:, 0]
+    counts = np.array([len(chunk.features) for chunk in chunks], np.int64)
     rows = outlines.row[features]
     return scene_of(
         chunks, np.arange(len(chunks), dtype=np.int32), transforms, counts,
-        crs=crs, origin=origin, source_bytes=path.stat().st_size, warnings=tuple(warnings),
+        crs=crs, origin=origin, source_bytes=path.stat().st_size, warnings=tuple(warnings), families=(where,),
         attributes={name: table.columns.pop(name)[rows] for name in list(table.columns)},
     )  # fmt: skip
+
+
+def _table(path: Path, options: ReadOptions) -> FeatureTable:
+    if path.suffix.lower() in (".parquet", ".geoparquet"):
+        return read_parquet(path)
+    return read_ogr(path, options.layer, options.region, options.crs)
 
 
 def _base(table: FeatureTable, named: str | None, where: str, warnings: list[str]) -> NDArray[np.float64]:
@@ -89,50 +90,12 @@ def _base(table: FeatureTable, named: str | None, where: str, warnings: list[str
     return np.where(np.isnan(base), np.nanmedian(base) if unknown < len(base) else 0.0, base)
 
 
-def _by_place(outlines: Outlines, features: NDArray[np.int64]) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """The features' places as sorted Morton codes, and the features in that order; those in one square by centre."""
-    centres = _centres(outlines.box[features])
-    codes = morton_codes(centres)
-    order = np.lexsort((centres[:, 1], centres[:, 0], codes))
-    return codes[order], features[order]
-
-
-def _centres(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 2) of (n, 4) x0, y0, x1, y1."""
-    return (boxes[:, :2] + boxes[:, 2:]) / 2
-
-
-def _chunks(
-    path: Path,
-    outlines: Outlines,
-    groups: list[NDArray[np.int64]],
-    base: NDArray[np.float64],
-    height: NDArray[np.float64],
-    facades: bool,
-) -> tuple[NDArray[np.float64], list[FootprintChunk]]:
-    """A chunk for each group of features, and (groups, 3) where its zero lies: its lowest corner, whole metres."""
-    corners = np.empty((len(groups), 3))
-    chunks: list[FootprintChunk] = []
-    for k, features in enumerate(groups):
-        rows, boxes = outlines.row[features], outlines.box[features]
-        bottom, top = base[rows], base[rows] + height[rows]
-        corners[k] = np.floor([*boxes[:, :2].min(axis=0), bottom.min()])
-        seeds = content_seeds(_centres(boxes), height[rows])
-        buildings = _buildings(outlines.rings.of_features(features), corners[k], bottom, top, seeds)
-        chunks.append(FootprintChunk(f"{path}, part {k + 1}", buildings, facades))
-    return corners, chunks
-
-
-def _buildings(
-    rings: Rings,
-    corner: NDArray[np.float64],
-    bottom: NDArray[np.float64],
-    top: NDArray[np.float64],
-    seeds: NDArray[np.uint32],
-) -> Buildings:
-    """Coordinates become float32 from the chunk's corner: 0.1 mm at 1 km, half the memory."""
-    local = replace(rings, xy=(rings.xy - corner[:2]).astype(np.float32))
-    return Buildings(local, (bottom - corner[2]).astype(np.float32), (top - corner[2]).astype(np.float32), seeds)
+def _features(
+    outlines: Outlines, features: NDArray[np.int64], base: NDArray[np.float64], height: NDArray[np.float64]
+) -> Features:
+    rows = outlines.row[features]
+    seeds = content_seeds(centres_of(outlines.box[features]), height[rows])
+    return Features(outlines.rings.of_features(features), base[rows], base[rows] + height[rows], seeds)
 
 
 def content_seeds(centres: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.uint32]:

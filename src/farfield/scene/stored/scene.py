@@ -1,0 +1,150 @@
+"""What a world was baked from, as a value of its store: a part of it can be replaced without reading the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.errors import CorruptTileError, MissingKeyError
+from farfield.scene.model import Instances, MeshSource, Scene
+from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chunk
+from farfield.scene.stored.sources import Words, print_of, source_of, words_of
+from farfield.store.contract import Store
+from farfield.world.limits import Count, Vector
+
+KEY = "record/scene"
+KIND = "scene"
+
+
+@dataclass(frozen=True, slots=True)
+class MeshSummary:
+    """What is known of a mesh once it was loaded."""
+
+    boxes: NDArray[np.float64]
+    """(b, 2, 3) float64: bounds of each block of triangles, mesh frame; b = 0 for a mesh that cannot be used."""
+    triangles: int
+    content: str
+    """Hash of geometry and materials."""
+    notes: tuple[str, ...] = ()
+    """What loading left out and why."""
+
+
+class _MeshNote(msgspec.Struct, frozen=True):
+    source: Words
+    print: list[int] | None
+    triangles: Count
+    content: str
+    blocks: Count
+    notes: tuple[str, ...]
+
+
+class _SceneNote(msgspec.Struct, frozen=True):
+    version: int
+    meshes: tuple[_MeshNote, ...]
+    name: str
+    crs: str | None
+    origin: Vector
+    credits: tuple[str, ...]
+    families: tuple[str, ...]
+    source_bytes: Count
+    attribute_parts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredScene:
+    """The scene of a world, and what is known of its meshes."""
+
+    scene: Scene
+    """Without columns of attributes: they are stored by part."""
+    summaries: list[MeshSummary]
+
+    def known(self, sources: Sequence[MeshSource]) -> list[MeshSummary | None]:
+        """What is known of other sources because they are among those of the scene, and have not changed."""
+        have = {_identity(s): summary for s, summary in zip(self.scene.meshes, self.summaries, strict=True)}
+        return [have.get(_identity(source)) for source in sources]
+
+
+def _identity(source: MeshSource) -> bytes:
+    return msgspec.json.encode((words_of(source), print_of(source)))
+
+
+def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], version: int) -> None:
+    """Makes the scene the store's, if it can be told in words; otherwise nothing is kept. Raises StoreError.
+
+    version: of the bake: what another one knew of meshes says nothing.
+    """
+    notes = []
+    for source, summary in zip(scene.meshes, summaries, strict=True):
+        words = words_of(source)
+        if words is None:
+            store.delete(KEY)
+            return
+        notes.append(_MeshNote(words, print_of(source), summary.triangles, summary.content, len(summary.boxes),
+                               summary.notes))  # fmt: skip
+    about = _SceneNote(
+        version, tuple(notes), scene.name, scene.crs, scene.origin, scene.credits, scene.families, scene.source_bytes,
+        scene.attribute_parts,
+    )  # fmt: skip
+    own = scene.instances
+    arrays: dict[str, NDArray[Any]] = {
+        "boxes": np.concatenate([summary.boxes for summary in summaries]) if summaries else np.empty((0, 2, 3)),
+        "mesh": own.mesh,
+        "transform": own.transform,
+        "objects": own.objects,
+    }
+    store.put(KEY, encode_chunk(SceneChunk(KIND, msgspec.to_builtins(about), arrays)))
+
+
+def read_scene_of(store: Store, version: int) -> StoredScene | None:
+    """The scene of the world in a store; None when it keeps none, or one of another version of the bake.
+
+    Allocates at most 32 bytes for each byte of its JSON. Raises CorruptTileError and StoreError.
+    """
+    try:
+        data = store.get(KEY)
+    except MissingKeyError:
+        return None
+    return decode_scene(data, store, version)
+
+
+def decode_scene(data: bytes, store: Store, version: int) -> StoredScene | None:
+    """See `read_scene_of`."""
+    chunk = decode_chunk(data, KIND, KEY)
+    if chunk.about.get("version") != version:
+        return None
+    try:
+        return _scene(msgspec.convert(chunk.about, _SceneNote), chunk.arrays, store)
+    except (KeyError, TypeError, ValueError) as error:
+        raise CorruptTileError(f"the scene's note is damaged: {error}", KEY, "bake the world again") from None
+
+
+def _scene(about: _SceneNote, arrays: dict[str, NDArray[Any]], store: Store) -> StoredScene:
+    mesh, transform, objects = arrays["mesh"], arrays["transform"], arrays["objects"]
+    count, meshes, blocks = len(mesh), len(about.meshes), sum(note.blocks for note in about.meshes)
+    shapes = ((count,), (count, 3, 4), (count,), (blocks, 2, 3))
+    if tuple(a.shape for a in (mesh, transform, objects, arrays["boxes"])) != shapes:
+        raise ValueError("arrays of different lengths")
+    parts = about.attribute_parts
+    if count and (int(mesh.min()) < 0 or int(mesh.max()) >= meshes or int(objects.min()) < 0):
+        raise ValueError("instances of no mesh")
+    if len(parts) not in (0, count) or not np.isfinite(transform).all():
+        raise ValueError("attributes or transforms that do not fit")
+    ends = np.cumsum([note.blocks for note in about.meshes], dtype=np.int64)
+    boxes = np.split(arrays["boxes"], ends[:-1])
+    first = np.cumsum(objects) - objects + 1
+    scene = Scene(
+        tuple(source_of(note.source, store) for note in about.meshes),
+        Instances(mesh.astype(np.int32), transform.astype(np.float64), first, objects.astype(np.int64)),
+        about.name, about.crs, about.origin, about.credits, about.source_bytes, int(objects.sum()),
+        attribute_parts=parts, families=about.families,
+    )  # fmt: skip
+    summaries = [
+        MeshSummary(own, note.triangles, note.content, note.notes)
+        for own, note in zip(boxes, about.meshes, strict=True)
+    ]
+    return StoredScene(scene, summaries)
