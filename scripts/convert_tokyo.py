@@ -19,6 +19,8 @@ import shapely
 from numpy.typing import NDArray
 
 CRS = "EPSG:6677"
+INDEXED = 10_000
+"""Buildings from which a file has a spatial index: a square of 400 m of all Tokyo is then read in milliseconds."""
 BATCH = 65_536
 """Buildings whose shapely objects exist at the same time."""
 Box = tuple[float, float, float, float]
@@ -135,10 +137,11 @@ def write_flatgeobuf(path: Path, shapes: NDArray[np.object_], heights: NDArray[n
 
 
 def write_encoded(path: Path, wkb: NDArray[np.object_], heights: NDArray[np.float64], kind: Kind) -> None:
-    """Shapes of one kind and their heights, without a spatial index (it would add a third to a small file)."""
+    """Shapes of one kind and their heights; with a spatial index only where it is worth a third more bytes."""
+    index = "YES" if len(wkb) > INDEXED else "NO"
     pyogrio.raw.write(
         path, wkb, [heights.astype(np.float32)], ["height"], driver="FlatGeobuf",
-        geometry_type=kind, crs=CRS, SPATIAL_INDEX="NO",
+        geometry_type=kind, crs=CRS, SPATIAL_INDEX=index,
     )  # fmt: skip
 
 

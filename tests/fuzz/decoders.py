@@ -49,6 +49,7 @@ from farfield.world import keys
 from farfield.world.index import MAXIMUM_BYTES, decode_index
 from farfield.world.manifest import KEY, decode_manifest
 from farfield.world.world import World
+from fuzz import scene_decoders
 from fuzz.shells import BARE, BARE_JSON, DIRECTORY_COLUMNS, GLB_BODY, GLB_JSON, HEADER, INDEX_TEXT, PNG, SEALED, plane
 from fuzz.table import Decoder
 from represent.random_layers import random_layer
@@ -293,6 +294,7 @@ def _texture_bound(data: bytes) -> int:
 
 DECODERS: tuple[Callable[[], Decoder], ...] = (
     _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _archive, _archive_header, _leaf, _mesh, _texture,
+    scene_decoders.footprints, scene_decoders.scene_note, scene_decoders.attributes,
 )  # fmt: skip
 
 

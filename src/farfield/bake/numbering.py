@@ -34,7 +34,7 @@ def object_ids(instances: Instances, contents: Sequence[str], grid: Grid) -> NDA
         raise InputError(f"the scene has {int(objects.sum()):,} objects", "", f"at most {MOST_OBJECTS:,} have ids")
     code = _squares(instances.transform[:, :, 3], grid)
     rank = np.unique(np.array(contents), return_inverse=True)[1][instances.mesh]
-    order = np.lexsort((rank, *instances.transform.reshape(len(code), 12).T, code))
+    order = np.lexsort((objects, rank, *instances.transform.reshape(len(code), 12).T, code))
     first = np.empty(len(code), np.int64)
     before = np.cumsum(objects[order]) - objects[order]
     # The furthest that any instance up to this one is pushed on, beyond what precedes it.

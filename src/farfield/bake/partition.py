@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import repeat
 
 import numpy as np
 
@@ -13,33 +16,43 @@ from farfield.scene.stored.footprints import StoredFootprints
 from farfield.store.contract import Store
 from farfield.world.attributes import put_table
 
+WRITERS = 8
+"""Values written at a time: what one takes is mostly waiting for the disk, or a bucket."""
+
 
 def partition(scene: Scene, store: Store, progress: Progress) -> Scene:
     """The same scene, its footprints and attributes in the store. Raises StoreError."""
-    chunks = sum(isinstance(source, FootprintChunk) for source in scene.meshes)
-    if chunks:
-        progress.start(chunks, "squares of footprints stored")
-    meshes: list[MeshSource] = []
-    for source in scene.meshes:
-        if isinstance(source, FootprintChunk):
-            meshes.append(StoredFootprints.of(source, store))
-            progress.advance()
-        else:
-            meshes.append(source)
-    if chunks:
-        progress.finish()
-    parts = scene.attribute_parts or _attribute_parts(scene, store)
-    return replace(scene, meshes=tuple(meshes), attributes={}, attribute_parts=parts)
+    with ThreadPoolExecutor(WRITERS) as pool:
+        meshes = _stored_footprints(scene.meshes, store, pool, progress)
+        parts = scene.attribute_parts or _attribute_parts(scene, store, pool)
+    return replace(scene, meshes=meshes, attributes={}, attribute_parts=parts)
 
 
-def _attribute_parts(scene: Scene, store: Store) -> tuple[str, ...]:
+def _stored_footprints(
+    sources: Sequence[MeshSource], store: Store, pool: ThreadPoolExecutor, progress: Progress
+) -> tuple[MeshSource, ...]:
+    chunks = [source for source in sources if isinstance(source, FootprintChunk)]
+    if not chunks:
+        return tuple(sources)
+    progress.start(len(chunks), "squares of footprints stored")
+    stored = []
+    for one in pool.map(StoredFootprints.of, chunks, repeat(store)):
+        stored.append(one)
+        progress.advance()
+    progress.finish()
+    following = iter(stored)
+    return tuple(next(following) if isinstance(source, FootprintChunk) else source for source in sources)
+
+
+def _attribute_parts(scene: Scene, store: Store, pool: ThreadPoolExecutor) -> tuple[str, ...]:
     """A table for the objects of each instance."""
     own = scene.instances
     if not scene.attributes:
         return ("",) * len(own.mesh)
     columns = {name: np.asarray(column) for name, column in scene.attributes.items()}
-    parts = []
-    for first, count in zip(own.first_object.tolist(), own.objects.tolist(), strict=True):
+
+    def put(first: int, count: int) -> str:
         rows = slice(first - 1, first - 1 + count)
-        parts.append(put_table(store, {name: column[rows].tolist() for name, column in columns.items()}))
-    return tuple(parts)
+        return put_table(store, {name: column[rows].tolist() for name, column in columns.items()})
+
+    return tuple(pool.map(put, own.first_object.tolist(), own.objects.tolist()))

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from farfield.progress import NoProgress, Progress
+from farfield.scene.stored.scene import stored_chunks
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.attributes import attribute_tables
@@ -15,7 +16,7 @@ from farfield.world.reach import first_index_tiles, parted, textures_of
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
 _OF_CELL = re.compile(rf"(orthoview|objects|geometry|index|record)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
-_SHARED = re.compile(r"(mesh|texture|attributes)/([0-9a-f]+)")
+_SHARED = re.compile(r"(mesh|texture|attributes|record/chunk)/([0-9a-f]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class _Living:
     named: dict[str, dict[str, str]] = field(default_factory=dict)
     """Kind → cell → hash."""
     shared: set[str] = field(default_factory=set)
-    """Keys of meshes, textures and attributes."""
+    """Keys of meshes, textures, attributes and parts of the scene."""
 
     def holds(self, key: str) -> bool:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
@@ -73,6 +74,7 @@ def _living(store: Store, progress: Progress) -> _Living:
     if manifest.attributes:
         living.shared.add(keys.attributes_key(manifest.attributes))
         living.shared.update(attribute_tables(store, manifest.attributes))
+    living.shared.update(keys.chunk_key(name) for name in stored_chunks(store))
     pending = first_index_tiles(manifest)
     progress.start(None, "cells read")
     while pending:

@@ -18,6 +18,8 @@ from farfield.store.contract import Store
 from farfield.world.keys import chunk_key, content_hash
 
 KIND = "footprints"
+_LARGEST = 1e12
+"""Metres (spec/world.md, Limits)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,4 +116,4 @@ def _fault(arrays: dict[str, NDArray[Any]]) -> str:
     if (np.diff(owners) < 0).any():
         return "polygons out of order"
     numbers = (arrays["xy"], arrays["bottom"], arrays["top"])
-    return "" if all(np.isfinite(a).all() for a in numbers) else "a coordinate that is no finite number"
+    return "" if all((np.abs(a) <= _LARGEST).all() for a in numbers) else "a coordinate that is no number, or too large"

@@ -19,6 +19,8 @@ from farfield.world.limits import Count, Vector
 
 KEY = "record/scene"
 KIND = "scene"
+_LARGEST = 1e12
+"""Metres (spec/world.md, Limits)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +125,22 @@ def decode_scene(data: bytes, store: Store, version: int) -> StoredScene | None:
         raise CorruptTileError(f"the scene's note is damaged: {error}", KEY, "bake the world again") from None
 
 
+def stored_chunks(store: Store) -> set[str]:
+    """Names of the chunks that the scene of the world in a store is made of. Raises CorruptTileError and StoreError."""
+    try:
+        about = decode_chunk(store.get(KEY), KIND, KEY).about
+        notes = msgspec.convert(about, _SceneNote).meshes
+    except MissingKeyError:
+        return set()
+    except msgspec.ValidationError as error:
+        raise CorruptTileError(f"the scene's note is damaged: {error}", KEY, "bake the world again") from None
+    return {name for note in notes if isinstance(name := note.source.get("chunk"), str)}
+
+
 def _scene(about: _SceneNote, arrays: dict[str, NDArray[Any]], store: Store) -> StoredScene:
     mesh, transform, objects = arrays["mesh"], arrays["transform"], arrays["objects"]
+    if {mesh.dtype.kind, objects.dtype.kind} != {"i"} or {transform.dtype.kind, arrays["boxes"].dtype.kind} != {"f"}:
+        raise ValueError("arrays of other kinds")
     count, meshes, blocks = len(mesh), len(about.meshes), sum(note.blocks for note in about.meshes)
     shapes = ((count,), (count, 3, 4), (count,), (blocks, 2, 3))
     if tuple(a.shape for a in (mesh, transform, objects, arrays["boxes"])) != shapes:
@@ -132,8 +148,10 @@ def _scene(about: _SceneNote, arrays: dict[str, NDArray[Any]], store: Store) -> 
     parts = about.attribute_parts
     if count and (int(mesh.min()) < 0 or int(mesh.max()) >= meshes or int(objects.min()) < 0):
         raise ValueError("instances of no mesh")
-    if len(parts) not in (0, count) or not np.isfinite(transform).all():
-        raise ValueError("attributes or transforms that do not fit")
+    if len(parts) not in (0, count) or (count and int(objects.max()) > 1 << 32):
+        raise ValueError("attributes that do not fit, or more objects than there are ids")
+    if not ((np.abs(transform) <= _LARGEST).all() and (np.abs(arrays["boxes"]) <= _LARGEST).all()):
+        raise ValueError("a coordinate that is no number, or too large")
     ends = np.cumsum([note.blocks for note in about.meshes], dtype=np.int64)
     boxes = np.split(arrays["boxes"], ends[:-1])
     first = np.cumsum(objects) - objects + 1
