@@ -97,7 +97,7 @@ def replaced(
         own = order[low:high]
         old = [still[k - len(codes)] for k in own[own >= len(codes)].tolist()]
         new = rows[own[own < len(codes)]]
-        if len(old) == 1 and not len(new):
+        if len(old) == 1 and not len(new) and standing[old[0]].square == square:
             kept.append(old[0])
             continue
         parts = [standing[k].table() for k in old] + ([loose.of(new)] if loose is not None and len(new) else [])
