@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +25,8 @@ from farfield.store.contract import Store
 from farfield.world.keys import content_hash, mesh_key, texture_key
 
 _TABLES_KEPT = 8
+_One = TypeVar("_One")
+_Made = TypeVar("_Made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +53,8 @@ class LeafMaterials:
 class BakeContext:
     """One process's view of the job: caches of meshes, material tables and written files."""
 
-    def __init__(self, job: BakeJob, store: Store, meshes: MeshCache) -> None:
+    def __init__(self, job: BakeJob, store: Store, meshes: MeshCache, threads: int = 1) -> None:
+        """threads: in which the views of a cell are made; 1: in that of the caller."""
         self.job = job
         self.store = store
         self.grid: Grid = job.plan.grid
@@ -58,10 +64,15 @@ class BakeContext:
         placements = np.bincount(job.scene.instances.mesh, minlength=len(job.scene.meshes))
         self.shared = placements > 1
         """(meshes,) bool: placed more than once, so near geometry refers to it instead of copying it."""
+        self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._mips = MipCache()
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
         self._textures: dict[int, tuple[Texture, str]] = {}
         self._mesh_files: dict[int, tuple[str, int]] = {}
+
+    def each(self, work: Callable[[_One], _Made], things: Iterable[_One]) -> Iterator[_Made]:
+        """What `work` makes of each, in order; kernels, encoders and stores let other threads run meanwhile."""
+        return map(work, things) if self._threads is None else self._threads.map(work, things)
 
     def materials(self, meshes: tuple[int, ...]) -> LeafMaterials:
         """The joined materials of these meshes, in their order; the last few are kept, with their mip chains."""

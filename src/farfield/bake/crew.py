@@ -15,6 +15,7 @@ from farfield.bake.context import BakeJob
 from farfield.bake.survey import Surveyed
 from farfield.bake.worker import Branch, Outcome, Worker, bake_here, begin_worker, pack_job, survey_here
 from farfield.errors import MissingExtraError, WorldError
+from farfield.octree.grid import CellKey
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
 
@@ -22,6 +23,10 @@ _LOST = (
     'give it more memory or fewer --workers, and in a script bake below `if __name__ == "__main__"`; '
     "baking again goes on where it was"
 )
+
+
+_FEW_LEAVES, _FEW_TRIANGLES, _FEW_MESHES = 8, 4_000_000, 8
+"""For each worker: what is done here sooner than processes are begun, which takes some three seconds with kernels."""
 
 
 class Crew(Protocol):
@@ -97,8 +102,8 @@ class Alone:
 
     size = 1
 
-    def __init__(self, scene: Scene, store: Store) -> None:
-        self._worker = Worker(scene, store)
+    def __init__(self, scene: Scene, store: Store, threads: int = 1) -> None:
+        self._worker = Worker(scene, store, threads)
         self._given: list[Branch] = []
 
     def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
@@ -108,6 +113,10 @@ class Alone:
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`."""
         self._worker.begin(job)
+
+    def unfinished(self, most: int, triangles: int) -> list[CellKey] | None:
+        """See `Worker.unfinished`."""
+        return self._worker.unfinished(most, triangles)
 
     def give(self, branch: Branch) -> None:
         """See `Crew.give`."""
@@ -127,24 +136,25 @@ class Processes:
         self._scene = scene
         self._store = store
         self._job = job
-        self._alone: Alone | None = Alone(scene, store)
+        self._alone: Alone | None = Alone(scene, store, threads=size)
         self._pool: ProcessPoolExecutor | None = None
         self._pending: set[Future[Outcome]] = set()
 
     def survey(self, meshes: Sequence[int]) -> Iterator[Surveyed]:
         """See `Crew.survey`."""
-        if len(meshes) == 1 and self._alone is not None:
+        if len(meshes) <= _FEW_MESHES * self.size and self._alone is not None:
             return self._alone.survey(meshes)
         pool = self._started()
         return pool.map(survey_here, meshes, chunksize=meshes_at_once(len(meshes), self.size))
 
     def begin(self, job: BakeJob) -> None:
-        """See `Crew.begin`."""
-        if len(job.plan.leaves) == 1 and self._alone is not None:
+        """See `Crew.begin`. A few leaves are baked here, in threads, before processes would have begun."""
+        if self._alone is not None:
             self._alone.begin(job)
-        else:
-            self._started()
-            self._job.write_bytes(pack_job(job))
+            if self._alone.unfinished(_FEW_LEAVES * self.size, _FEW_TRIANGLES * self.size) is not None:
+                return
+        self._started()
+        self._job.write_bytes(pack_job(job))
 
     def give(self, branch: Branch) -> None:
         """See `Crew.give`."""

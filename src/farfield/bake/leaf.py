@@ -10,11 +10,12 @@ from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_reco
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
+from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, merge
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
+from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.represent.orthoview.view_table import choose_views
 from farfield.world.index import Bounds, CellEntry, GeometryEntry
 from farfield.world.keys import content_hash, geometry_key
 
@@ -51,6 +52,11 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     finished = Record(source, entry, len(chunk.triangles), tiles.object_bytes)
     write_record(context.store, key, finished)
     return _finished(context, key, finished, fresh=True, tiles=tiles)
+
+
+def is_finished(context: BakeContext, key: CellKey) -> bool:
+    """Whether an earlier bake of the same input has finished the leaf."""
+    return read_record(context.store, key, _input_hash(context, context.leaf_of[key])) is not None
 
 
 def _finished(
@@ -119,13 +125,11 @@ def _rebased(context: BakeContext, pieces: list[tuple[int, Chunk]], base: dict[i
 def _draw(context: BakeContext, key: CellKey, chunk: Chunk, materials: LeafMaterials) -> CellTiles:
     options = context.job.options
     tiles = CellTiles(context, key)
-    drawn = {}
-    for direction in context.directions:
-        layers = draw_leaf(chunk, materials.table, context.grid, key, direction, options.samples, options.depth_layers)
-        if layers:
-            drawn[direction.number] = layers
-            tiles.add(direction, layers)
-    tiles.views = choose_views(drawn, context.directions, context.grid, key)
+
+    def draw(direction: Direction) -> list[OrthoLayer]:
+        return draw_leaf(chunk, materials.table, context.grid, key, direction, options.samples, options.depth_layers)
+
+    tiles.make(draw)
     return tiles
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from farfield.bake.cell import Tiles
 from farfield.bake.context import BakeContext
 from farfield.geometry.directions import Direction
@@ -11,6 +13,7 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import encode_object_tile
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.represent.orthoview.tile import encode_tile
+from farfield.represent.orthoview.view_table import choose_views
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 
@@ -18,20 +21,34 @@ class CellTiles:
     """The tiles of a cell while it is baked."""
 
     def __init__(self, context: BakeContext, key: CellKey) -> None:
-        self._quality = QUALITIES[context.job.options.quality]
-        self._object_ids = context.job.options.object_ids
+        self._context = context
         self._key = key
         self.encoded: Tiles = {}
         self.objects: Tiles = {}
         self.views: tuple[tuple[int, ...], ...] = ()
 
-    def add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
+    def make(self, draw: Callable[[Direction], list[OrthoLayer]]) -> None:
+        """Draws, connects and encodes every view, and chooses between them; draw: the layers of one view."""
+        context = self._context
+
+        def view(direction: Direction) -> list[OrthoLayer]:
+            layers = draw(direction)
+            self._add(direction, layers)
+            return layers
+
+        made = zip(context.directions, context.each(view, context.directions), strict=True)
+        drawn = {direction.number: layers for direction, layers in made if layers}
+        self.views = choose_views(drawn, context.directions, context.grid, self._key)
+
+    def _add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
         """Connects and encodes the layers of one view; object ids of the first layer only."""
+        options = self._context.job.options
         for index, layer in enumerate(layers):
             mark_connected(layer)
             place = direction.number, index
-            self.encoded[place] = encode_tile(layer, direction.number, index, self._key.level, self._quality)
-            if index == 0 and self._object_ids and layer.objects is not None:
+            quality = QUALITIES[options.quality]
+            self.encoded[place] = encode_tile(layer, direction.number, index, self._key.level, quality)
+            if index == 0 and options.object_ids and layer.objects is not None:
                 self.objects[place] = encode_object_tile(layer, direction.number, index, self._key.level)
 
     def listing(self) -> tuple[tuple[int, int, int], ...]:
@@ -48,8 +65,8 @@ def store_tiles(context: BakeContext, key: CellKey, tiles: CellTiles) -> str:
     """Writes the tiles under the hash of them all; returns the hash."""
     everything = [tiles.encoded[place] for place in sorted(tiles.encoded)]
     cell_hash = content_hash(*everything, *(tiles.objects[place] for place in sorted(tiles.objects)))
-    for (direction, layer), data in tiles.encoded.items():
-        context.store.put(orthoview_key(key, direction, layer, cell_hash), data)
-    for (direction, layer), data in tiles.objects.items():
-        context.store.put(objects_key(key, direction, layer, cell_hash), data)
+    values = [(orthoview_key(key, *place, cell_hash), data) for place, data in tiles.encoded.items()]
+    values += [(objects_key(key, *place, cell_hash), data) for place, data in tiles.objects.items()]
+    for _ in context.each(lambda value: context.store.put(*value), values):
+        pass
     return cell_hash

@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, Tiles, read_record, write_record
 from farfield.bake.context import BakeContext
 from farfield.bake.index import close_index_tile
 from farfield.bake.leaf import bake_leaf
 from farfield.bake.tiles import CellTiles, store_tiles
+from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.parent import composite
 from farfield.represent.orthoview.tile import decode_tile
-from farfield.represent.orthoview.view_table import choose_views
 from farfield.world.index import Bounds, CellEntry
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
@@ -64,19 +64,18 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
 
 def _composite(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) -> CellTiles:
     tiles = CellTiles(context, key)
-    drawn = {}
-    for direction in context.directions:
-        children = [_decoded(context, cell, direction.number) for cell in below]
-        layers = composite([c for c in children if c], context.job.options.depth_layers)
-        if layers:
-            drawn[direction.number] = layers
-            tiles.add(direction, layers)
-    tiles.views = choose_views(drawn, context.directions, context.grid, key)
+    # Read before any thread asks for them.
+    encoded = [(cell, cell.tiles_from(context.store), cell.objects_from(context.store)) for cell in below]
+
+    def draw(direction: Direction) -> list[OrthoLayer]:
+        children = [_decoded(context, *cell, direction.number) for cell in encoded]
+        return composite([c for c in children if c], context.job.options.depth_layers)
+
+    tiles.make(draw)
     return tiles
 
 
-def _decoded(context: BakeContext, cell: BakedCell, direction: int) -> list[OrthoLayer]:
-    encoded, objects = cell.tiles_from(context.store), cell.objects_from(context.store)
+def _decoded(context: BakeContext, cell: BakedCell, encoded: Tiles, objects: Tiles, direction: int) -> list[OrthoLayer]:
     layers = []
     for index in range(context.job.options.depth_layers):
         if (direction, index) in encoded:

@@ -13,9 +13,11 @@ from pathlib import Path
 from farfield.bake.cell import BakedCell
 from farfield.bake.context import BakeContext, BakeJob
 from farfield.bake.kept import KeptTiles
+from farfield.bake.leaf import is_finished
 from farfield.bake.survey import MeshCache, Surveyed, survey_mesh
 from farfield.bake.walk import Children, bake_parent, bake_subtree
 from farfield.octree.grid import CellKey
+from farfield.represent.blocks import BLOCK
 from farfield.scene.model import Scene
 from farfield.store.contract import Store
 
@@ -53,8 +55,9 @@ class Worker:
     Meshes that it surveyed are still at hand when it bakes, and so are tiles of the branches that it finished.
     """
 
-    def __init__(self, scene: Scene, store: Store) -> None:
+    def __init__(self, scene: Scene, store: Store, threads: int = 1) -> None:
         self.scene = scene
+        self._threads = threads
         self.store = store
         self.meshes = MeshCache(scene)
         self._kept = KeptTiles()
@@ -72,11 +75,24 @@ class Worker:
 
     def begin(self, job: BakeJob) -> None:
         """Takes the job whose branches `bake` is called for."""
-        self._context = BakeContext(job, self.store, self.meshes)
+        self._context = BakeContext(job, self.store, self.meshes, self._threads)
 
     def stop(self) -> None:
         """From another thread: the branch in hand ends with StoppedError after its present leaf."""
         self._stopped = True
+
+    def unfinished(self, most: int, triangles: int) -> list[CellKey] | None:
+        """The leaves that no earlier bake has finished; None: they are more than `most`, or hold more `triangles`."""
+        context, found, blocks = self._context, [], 0
+        assert context is not None, "begin comes first"
+        for key, position in context.leaf_of.items():
+            if is_finished(context, key):
+                continue
+            found.append(key)
+            blocks += len(context.job.plan.rows(position)[1])
+            if len(found) > most or blocks * BLOCK > triangles:
+                return None
+        return found
 
     def bake(self, branch: Branch) -> Outcome:
         """Bakes a branch. Its tiles are in the store, perhaps still in this process, and not in what is returned."""
