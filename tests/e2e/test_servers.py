@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -18,7 +19,14 @@ import pytest
 from e2e.browsing import Pixels, Visit, psnr
 from farfield.pipeline import copy_place
 from farfield.serve.run import ServeOptions, bind, serving
+from farfield.serve.viewer_files import install_viewer
 from farfield.store import DirectoryStore
+from farfield.world.copying import copy_world
+from farfield.world.keys import index_key
+from farfield.world.manifest import read_manifest
+from farfield.world.servers import RULE, ServersRecord
+from farfield.world.targets import SplitTarget
+from farfield.world.world import World
 
 VIEWS = [((-40.0, -42.0, 30.0), (0.0, 0.0, 0.0)), ((-34.0, -36.0, 12.0), (0.0, 0.0, 2.0))]
 SKY = [158, 191, 235]
@@ -42,8 +50,25 @@ class _Plain(ThreadingHTTPServer):
     daemon_threads = True
     block_on_close = False
 
+    def __init__(self, *arguments: Any) -> None:
+        self._connections: list[socket.socket] = []
+        super().__init__(*arguments)
+
     def handle_error(self, *_: Any) -> None:
         """Pages that are closed break connections off."""
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """See socketserver."""
+        connection, client = super().get_request()
+        self._connections.append(connection)
+        return connection, client
+
+    def server_close(self) -> None:
+        """Its threads would go on answering on connections that are kept."""
+        super().server_close()
+        for connection in self._connections:
+            with suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
 
 
 class Site:
@@ -103,6 +128,22 @@ def site(request: pytest.FixtureRequest, world: DirectoryStore, tmp_path: Path) 
     facts = copy_place(world.location, tmp_path / "split", servers=addresses)
     folders = {port: Path(share["place"]) for port, share in zip(ports, facts["servers"], strict=True)}
     made = Site(folders, plain=request.param == "plain servers")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def scattered(world: DirectoryStore, tmp_path: Path) -> Iterator[Site]:
+    """The town over three servers of files by its roots, so that no server has all of any level, nor of the index."""
+    manifest = World.open(world).manifest
+    folders = {port: tmp_path / str(port) for port in _free_ports(COUNT)}
+    stores = [DirectoryStore(folder) for folder in folders.values()]
+    addresses = tuple(f"http://127.0.0.1:{port}/" for port in folders)
+    servers = ServersRecord(RULE, manifest.octree.top_level, addresses)
+    copy_world(world, SplitTarget(stores, servers, manifest.octree))
+    for store in stores:
+        install_viewer(store)
+    made = Site(folders, plain=True)
     yield made
     made.close()
 
@@ -232,3 +273,25 @@ def test_a_server_that_goes_while_the_page_is_open(
     page.page.wait_for_function("farfield.stats().stand_ins === 0", timeout=30_000)
     page.page.locator("#banner").wait_for(state="hidden")
     page.leave()
+
+
+def test_roots_and_index_may_be_anywhere(address: str, scattered: Site, visit: Callable[..., Visit]) -> None:
+    manifest = read_manifest(DirectoryStore(next(iter(scattered.folders.values()))))
+    assert manifest.servers
+    away = manifest.servers.server_of(index_key(manifest.root_keys[0], "0" * 16), manifest.octree)
+    assert away is not None
+    home, other = (number for number in range(COUNT) if number != away)
+    scattered.start(home)
+    scattered.start(other)
+    whole, split = visit(address), visit(scattered.address(home), expect_errors=True)
+    for page in (whole, split):
+        page.options(nearRadius=0)
+    whole.look(*VIEWS[0])
+    split.look(*VIEWS[0])
+    assert split.stats()["tiles_pending"] == split.stats()["tiles_missing"] == 0
+    assert 0 < split.stats()["splats"] < whole.stats()["splats"], "a root that nobody has leaves nothing to be shown"
+    scattered.start(away)
+    split.page.wait_for_function(f"farfield.stats().splats === {whole.stats()['splats']}", timeout=30_000)
+    split.complete()
+    assert np.array_equal(split.picture(), whole.picture())
+    split.leave()

@@ -76,10 +76,10 @@ class HttpStore:
         """See `Store.size`. Of a server that does not say so it reads the whole value."""
         try:
             with closing(self._open(key, "HEAD", {})) as answer:
-                length = answer.headers.get("Content-Length", "")
+                length = _length_of(answer)
         except (OSError, http.client.HTTPException) as error:
             self._fail(error, key)
-        return int(length) if length.isascii() and length.isdigit() else len(self.get(key))
+        return len(self.get(key)) if length is None else length
 
     def delete(self, key: str) -> None:
         """Raises StoreError."""
@@ -95,7 +95,7 @@ class HttpStore:
         try:
             with closing(self._open(key, method, headers)) as answer:
                 data: bytes = answer.read(MAXIMUM_BYTES + 1)
-                whole = answer.status != 206
+                whole, length = answer.status != 206, _length_of(answer)
         except HTTPError as error:
             if part and error.code == 416:
                 return b""
@@ -104,6 +104,9 @@ class HttpStore:
             self._fail(error, key)
         if len(data) > MAXIMUM_BYTES:
             raise StoreError("the server sends more than a value can have", f"{self._url}/{key}")
+        # `read` with a limit takes the end of a broken connection for the end of the value.
+        if method == "GET" and length is not None and len(data) < length:
+            raise StoreError("the answer is cut short", f"{self._url}/{key}", "try again")
         return data[part[0] : sum(part)] if part and whole else data
 
     def _open(self, key: str, method: str, headers: dict[str, str]) -> http.client.HTTPResponse:
@@ -123,3 +126,9 @@ class HttpStore:
 
     def _refuse(self) -> Never:
         raise StoreError("a world on a web server is only read", self._url, "farfield copy it to a folder")
+
+
+def _length_of(answer: http.client.HTTPResponse) -> int | None:
+    """Bytes of the body as the server says; None: it does not."""
+    length = answer.headers.get("Content-Length", "")
+    return int(length) if length.isascii() and length.isdigit() else None
