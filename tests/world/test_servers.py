@@ -62,9 +62,7 @@ def servers_of(count: int, level: int) -> ServersRecord:
 
 
 levels = st.integers(0, 12)
-grids = st.builds(
-    lambda axes: Grid(4.0, 16, (0.0, 0.0, 0.0), axes), st.tuples(*[st.integers(0, 12)] * 3).map(lambda axes: axes)
-)
+grids = st.builds(lambda *axes: Grid(4.0, 16, (0.0, 0.0, 0.0), axes), *[st.integers(0, 12)] * 3)
 cells = st.builds(CellKey, levels, *[st.integers(-5000, 5000)] * 3)
 
 

@@ -341,7 +341,11 @@ def test_over_plain_web_servers(whole: Path, tmp_path: Path, capsys: pytest.Capt
         # The folder of one server, on a disk, asks the others.
         copy_place(folders[0] / "city", tmp_path / "mixed")
         assert public(DirectoryStore(tmp_path / "mixed")) == expected
-    capsys.readouterr()
+    # A disk has one part, and the servers are gone.
+    assert main(["render", str(folders[0] / "city"), *VIEW, "-o", str(tmp_path / "rest.png")]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["warnings"] > 0
+    with pytest.raises(StoreError, match="does not answer"):
+        copy_place(folders[0] / "city", tmp_path / "never")
     assert main(["verify", str(folders[0] / "city")]) == 1
     assert "does not answer" in capsys.readouterr().out
 

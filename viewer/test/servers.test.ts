@@ -203,7 +203,7 @@ describe("Servers", () => {
     expect(new Set(connections.map(({ at }) => at))).toEqual(new Set(["http://b.test/city/"]));
     for (const one of list) {
       expect(servers.isAway(one.key)).toBe(numberOf(one) === 1);
-      expect(servers.lacks(one)).toBe(numberOf(one) === 1);
+      expect(servers.lacking()(one)).toBe(numberOf(one) === 1);
     }
     there = true;
     await pass(16_000);
@@ -244,7 +244,7 @@ describe("Servers", () => {
     home.failed("away");
     await pass(5000);
     expect(servers.all.every(({ away }) => away)).toBe(true);
-    expect(leaves().some((one) => servers.isAway(one.key))).toBe(false);
+    expect(leaves().some((one) => servers.isAway(one.key) || servers.lacking()(one))).toBe(false);
   });
 
   it("lets a GLB wait for its texture's server, and blames no other", async () => {
@@ -262,7 +262,7 @@ describe("Servers", () => {
     loader.want([want(mesh)], 1);
     await pass(10_000);
     expect(mesh).toMatchObject({ state: "absent", needs: `texture/${hash}` });
-    expect(servers.lacks(mesh)).toBe(true);
+    expect(servers.lacking()(mesh)).toBe(true);
     expect(asked.filter((url) => url === `http://a.test/${mesh.key}`).length).toBe(1);
     there = true;
     await pass(16_000);
@@ -273,12 +273,13 @@ describe("Servers", () => {
 
   it("ends its knocking when the world is closed", async () => {
     const asked = serve(refused);
-    const { servers } = makeServers();
+    const { servers, connections } = makeServers();
     await pass(1000);
     servers.close();
     const { length } = asked;
     await pass(60_000);
     expect(asked.length).toBe(length);
+    expect(connections.slice(-BASES.length).every(({ online }) => online)).toBe(true);
   });
 
   it("wants the parents of what is away", () => {

@@ -9,7 +9,7 @@ from heapq import merge
 from typing import Never
 from urllib.parse import urljoin
 
-from farfield.errors import NotAWorldError, OptionError, StoreError, WorldError
+from farfield.errors import DamagedValueError, MissingKeyError, NotAWorldError, OptionError, StoreError, WorldError
 from farfield.octree.grid import Grid
 from farfield.store import ArchiveStore, BucketStore, DirectoryStore, HttpStore, Place, Store, open_store
 from farfield.store.opening import is_url
@@ -41,8 +41,16 @@ class SplitStore:
         return any(is_url(store.location) for store in (self._home, *self._parts))
 
     def get(self, key: str) -> bytes:
-        """See `Store.get`."""
-        data = self._of(key).get(key)
+        """See `Store.get`. Raises DamagedValueError where another server than the manifest's fails: there is a rest."""
+        store = self._of(key)
+        try:
+            data = store.get(key)
+        except MissingKeyError:
+            raise
+        except StoreError as error:
+            if store is self._home:
+                raise
+            raise DamagedValueError(error.what, error.where, error.hint) from error
         return with_servers(data, None) if key == KEY else data
 
     def get_range(self, key: str, start: int, length: int) -> bytes:

@@ -126,7 +126,8 @@ export class Loader {
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.underWay < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
       let bytes = 0;
-      for (; next < wants.length && chosen.length < server.source.batchKeys && bytes < REQUEST_BYTES; next++) {
+      const most = Math.min(server.source.batchKeys, left);
+      for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
         const { resource, urgency } = wants[next]!;
         if (resource.state !== "absent" || !this.servers.mayAsk(resource) || !this.fits(resource, urgency)) continue;
         chosen.push(resource);

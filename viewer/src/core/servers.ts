@@ -74,8 +74,8 @@ export class Server {
       await this.backoff.rest();
       if (!this.signal.aborted) this.knocking = !(await this.answers());
       met();
-      if (this.signal.aborted) return;
-    } while (this.knocking);
+    } while (this.knocking && !this.signal.aborted);
+    // Also when it is given up: then nobody misses it any more.
     this.backoff.reached();
     this.back();
   }
@@ -134,14 +134,15 @@ export class Servers {
 
   /** Whether a key's server is away while others are there: then the world is to be shown without it. */
   isAway(key: string): boolean {
-    const count = this.all.filter(({ away }) => away).length;
-    return count > 0 && count < this.all.length && this.of(key).away;
+    return this.of(key).away && !this.all.every(({ away }) => away);
   }
 
-  /** Whether a value cannot be had for now: it is missing or damaged, or it or what it needs is where nobody answers. */
-  lacks({ key, state, needs }: Resource): boolean {
-    if (state === "held" || state === "ready") return false;
-    return state === "bad" || this.isAway(key) || (needs !== null && this.isAway(needs));
+  /** What tells, as things stand, whether a value cannot be had: it is bad, or it or what it needs is where nobody answers. */
+  lacking(): (resource: Resource) => boolean {
+    const away = new Set(this.all.filter((server) => server.away));
+    if (away.size === 0 || away.size === this.all.length) return ({ state }) => state === "bad";
+    const isAway = (key: string | null): boolean => key !== null && away.has(this.of(key));
+    return ({ key, state, needs }) => state === "bad" || ((state === "absent" || state === "loading") && (isAway(key) || isAway(needs)));
   }
 
   /** Whether everything that a value is known to need may be asked for now. */

@@ -51,8 +51,6 @@ export class Session {
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
   private readonly coarsening = new CoarseningControl();
-  /** Whether something cannot be had, for now or at all. */
-  private readonly lacks = (resource: Resource): boolean => this.parts.servers.lacks(resource);
 
   constructor(
     private readonly parts: SessionParts,
@@ -102,8 +100,9 @@ export class Session {
 
   /** Values that the picture wants and that have not arrived. */
   get pending(): number {
+    const lacks = this.parts.servers.lacking();
     let count = 0;
-    for (const resource of this.seen) if (!this.isDone(resource)) count++;
+    for (const resource of this.seen) if (!isDone(resource, lacks)) count++;
     return count;
   }
 
@@ -153,8 +152,9 @@ export class Session {
     if (!next) return { taken: false, wants: null };
     const view = this.viewOf(viewpoint, width);
     const plan = makePlan(next.roots, next.manifest.directions, view);
-    const wants = listWants(next.roots, plan, next.manifest, view, this.lacks).filter(({ urgency }) => urgency <= URGENCY.seen);
-    const there = isKnown(next, plan) && wants.every(({ resource }) => this.isDone(resource));
+    const lacks = this.parts.servers.lacking();
+    const wants = listWants(next.roots, plan, next.manifest, view, lacks).filter(({ urgency }) => urgency <= URGENCY.seen);
+    const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource, lacks));
     if (!there && !this.isOverdue(wants)) {
       explore(next, plan);
       return { taken: false, wants };
@@ -169,22 +169,19 @@ export class Session {
   private isOverdue(wants: readonly Want[]): boolean {
     if (this.movedAt === null || performance.now() < this.movedAt + PATIENCE_MS) return false;
     const roots = wants.filter(({ urgency }) => urgency === URGENCY.root);
-    return roots.length > 0 && roots.every(({ resource }) => this.isDone(resource));
-  }
-
-  /** Whether nothing more is to be expected of a value, for now. */
-  private isDone(resource: Resource): boolean {
-    return resource.held || this.lacks(resource);
+    const lacks = this.parts.servers.lacking();
+    return roots.length > 0 && roots.every(({ resource }) => isDone(resource, lacks));
   }
 
   /** A plan whose wants fit into the budget, as far as can be told before they are fetched. */
   private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; wants: Want[]; detail: boolean } {
     const { index } = this;
-    const { options } = this.parts;
+    const { options, servers } = this.parts;
+    const lacks = servers.lacking();
     for (;;) {
       const view = this.viewOf(viewpoint, width);
       const plan = makePlan(index.roots, index.manifest.directions, view);
-      const wants = listWants(index.roots, plan, index.manifest, view, this.lacks);
+      const wants = listWants(index.roots, plan, index.manifest, view, lacks);
       const change = this.coarsening.adapt(seenOf(wants), options().cacheBytes);
       if (change !== "coarser") return { plan, wants, detail: change === "finer" };
     }
@@ -223,6 +220,11 @@ export class Session {
       choice: { views, layers },
     };
   }
+}
+
+/** Whether nothing more is to be expected of a value, for now. */
+function isDone(resource: Resource, lacks: (resource: Resource) => boolean): boolean {
+  return resource.held || lacks(resource);
 }
 
 /** Whether the index has been read as far as a plan needs it. */
