@@ -11,7 +11,8 @@ FarfieldError
 │   └── ClusterError      the machines that bake it fail: start or mend them, and bake again
 ├── StoreError            the storage failed: disk full, no permission, server away
 │   ├── MissingKeyError   nothing is stored under that key: take another, or go without
-│   └── DamagedValueError a value is not what was stored (a CorruptTileError too): the others can still be read
+│   └── DamagedValueError a value is not what was stored, or its server fails (a CorruptTileError too): the others can
+│                         still be read
 └── ServeError            the server cannot start: port in use
 """
 
@@ -85,7 +86,8 @@ class MissingKeyError(StoreError):
 
 
 class DamagedValueError(StoreError, CorruptTileError):
-    """A store gives other bytes than were put into it. Whoever can do without one tile can do without this one."""
+    """A store gives other bytes than were put into it, or the server that has a part of a world gives none. Whoever can
+    do without one tile can do without this one."""
 
 
 class ServeError(FarfieldError):

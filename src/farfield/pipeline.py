@@ -6,6 +6,7 @@ import resource
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ from farfield.store.archive.writer import writing_archive
 from farfield.store.opening import Place, is_archive, is_url, open_store
 from farfield.world.copying import Copied, copy_world
 from farfield.world.manifest import Manifest, read_manifest
+from farfield.world.split import open_world, refuse_split
+from farfield.world.splitting import Part, parts_of, split_world
 from farfield.world.targets import ArchiveTarget, StoreTarget
 from farfield.world.verification import Verification, verify_world
 from farfield.world.world import World
@@ -47,6 +50,7 @@ def bake_sources(
         # The workers have current folders of their own.
         sources = [source.absolute() for source in sources]
     store = open_store(output, create=True)
+    refuse_split(store)
     scene = read_scene(sources)
     options = options or BakeOptions()
     _remember(store, sources, options)
@@ -88,6 +92,7 @@ def update_place(
     """
     progress = progress or NoProgress()
     store = open_store(place)
+    refuse_split(store)
     manifest = read_manifest(store)
     order, begun = _order_of(store), time.monotonic()
     options = replace(
@@ -182,6 +187,7 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         sources = [] if stored else _sources_of(order)
         origin = "the scene that it keeps" if stored else ", ".join(order.sources)
         progress.note(f"{len(found.faults):,} bad; baking them again from {origin}")
+        refuse_split(store)
         with store.writing():
             forget(World.open(store), [fault.key for fault in found.faults])
         if stored:
@@ -212,24 +218,52 @@ def _order_of(store: Store) -> _Order:
         ) from None
 
 
-def copy_place(source: Place, target: Place, progress: Progress | None = None) -> dict[str, Any]:
+def copy_place(
+    source: Place, target: Place, progress: Progress | None = None, servers: Sequence[str] = ()
+) -> dict[str, Any]:
     """Copies a world between any two of folder, archive and bucket; the facts of `copy --json`.
 
-    The viewer goes along, but into an archive. Raises OptionError: both are the same place; and as `open_store` and
+    The viewer goes along, but into an archive. A world that is split over servers is put together.
+    servers: addresses over which the copy is to be split (`world.splitting.parts_of`); a folder for each in `target`.
+    Raises OptionError: both are the same place, or an address cannot be used; and as `open_world`, `open_store` and
     `copy_world` do.
     """
-    if _same_place(source, target):
-        raise OptionError("source and target are the same place", str(target), "name another target")
+    parts = parts_of(target, servers) if servers else ()
+    for place in (target, *(part.place for part in parts)):
+        if _same_place(source, place):
+            raise OptionError("source and target are the same place", str(place), "name another target")
+    progress = progress or NoProgress()
     begun = time.perf_counter()
-    copied = _copy_to(open_store(source), target, progress or NoProgress())
+    world = open_world(source)
+    shares: dict[str, Any] = {}
+    if parts:
+        copied, shares["servers"] = _split_to(world, parts, progress)
+    else:
+        copied = _copy_to(world, target, progress)
     return {
         "world": str(target),
         "bytes": copied.bytes,
         "keys": copied.keys,
         "skipped": copied.skipped,
+        **shares,
         "seconds": round(time.perf_counter() - begun, 3),
         "peak_rss_bytes": peak_rss_bytes(),
     }
+
+
+def _split_to(world: Store, parts: Sequence[Part], progress: Progress) -> tuple[Copied, list[dict[str, Any]]]:
+    """The copy as a whole, and what each server is to have."""
+    stores = [open_store(part.place, create=True) for part in parts]
+    with ExitStack() as writing:
+        for store in stores:
+            writing.enter_context(store.writing())
+        copied, shares = split_world(world, stores, [part.address for part in parts], progress)
+        for store in stores:
+            install_viewer(store)
+    return copied, [
+        {"address": part.address, "place": part.place, "keys": share.keys, "bytes": share.bytes}
+        for part, share in zip(parts, shares, strict=True)
+    ]
 
 
 def _copy_to(world: Store, target: Place, progress: Progress) -> Copied:

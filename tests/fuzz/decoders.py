@@ -47,7 +47,8 @@ from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.shading import Light
 from farfield.world import keys
 from farfield.world.index import MAXIMUM_BYTES, decode_index
-from farfield.world.manifest import KEY, decode_manifest
+from farfield.world.manifest import KEY, decode_manifest, with_servers
+from farfield.world.servers import RULE, ServersRecord
 from farfield.world.world import World
 from fuzz import scene_decoders
 from fuzz.shells import BARE, BARE_JSON, DIRECTORY_COLUMNS, GLB_BODY, GLB_JSON, HEADER, INDEX_TEXT, PNG, SEALED, plane
@@ -143,7 +144,9 @@ def _index_bound(data: bytes) -> int:
 
 
 def _manifest() -> Decoder:
-    return Decoder("manifest", decode_manifest, (golden()[KEY],), (BARE_JSON,), _times(32))
+    servers = ServersRecord(RULE, 1, ("https://a.example.org/city/", "./", "../b/"))
+    corpus = (golden()[KEY], with_servers(golden()[KEY], servers))
+    return Decoder("manifest", decode_manifest, corpus, (BARE_JSON,), _times(32))
 
 
 def _walk() -> Decoder:

@@ -8,6 +8,7 @@ import { Follower } from "../src/core/follower.js";
 import { Grid } from "../src/core/grid.js";
 import type { CellEntry } from "../src/core/indextile.js";
 import { sameFrame, type Manifest } from "../src/core/manifest.js";
+import { Server, Servers } from "../src/core/servers.js";
 import type { Source } from "../src/core/source.js";
 import { WorldIndex } from "../src/core/world.js";
 import { GRID, hold, MANIFEST, tilesOf, VIEWS } from "./worlds.js";
@@ -77,6 +78,7 @@ function makeServer() {
   const source: Source = {
     base: "", bytes: 0, requests: 0, batchKeys: 10, events: null,
     manifest: () => Promise.reject(new Error("unused")),
+    knock: () => Promise.resolve(),
     get: () => Promise.reject(new Error("unused")),
     getMany: (keys) => {
       asked.push(...keys);
@@ -84,13 +86,14 @@ function makeServer() {
     },
   };
   const bad: string[] = [];
-  const backoff = new Backoff(() => 0, () => undefined);
+  const server = new Server(source, new Backoff(() => 0, () => undefined), new AbortController().signal, () => undefined, true);
+  const servers = new Servers(server, MANIFEST, () => server);
   const manifestOf = (leaves: Leaves, generation: number): Manifest => {
     const { root, tiles } = tilesFor(leaves);
     for (const [key, value] of tiles) values.set(key, value);
     return { ...MANIFEST, generation, roots: [{ key: { level: 2, x: 0, y: 0, z: 0 }, hash: root }] };
   };
-  const first = new WorldIndex(manifestOf(FIRST, 1), source, backoff, { bad: (key) => void bad.push(key), grown: () => undefined });
+  const first = new WorldIndex(manifestOf(FIRST, 1), servers, { bad: (key) => void bad.push(key), grown: () => undefined });
   return { asked, bad, first, manifestOf };
 }
 
@@ -191,6 +194,7 @@ describe("sameFrame", () => {
     }
     expect(sameFrame(MANIFEST, { ...MANIFEST, directions: new Map([...MANIFEST.directions].slice(1)) })).toBe(false);
     expect(sameFrame(MANIFEST, { ...MANIFEST, origin: [1024, 0, 0] })).toBe(false);
+    expect(sameFrame(MANIFEST, { ...MANIFEST, servers: { level: 1, addresses: ["../a/"] } })).toBe(false);
   });
 });
 

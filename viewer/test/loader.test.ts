@@ -4,7 +4,9 @@ import { corrupt } from "../src/core/errors.js";
 import { Fetcher } from "../src/core/fetch.js";
 import { Loader, type Preparer } from "../src/core/loader.js";
 import { Resource } from "../src/core/resource.js";
+import { Server, Servers } from "../src/core/servers.js";
 import type { Want } from "../src/core/wants.js";
+import { MANIFEST } from "./worlds.js";
 
 type Answer = (key: string) => Response | Promise<Response>;
 
@@ -46,7 +48,8 @@ function makeLoader(budget = 1e6, prepare?: Preparer["prepare"]) {
     dispose: ({ key }) => void seen.disposed.push(key),
   };
   const backoff = new Backoff(() => performance.now(), (connection) => seen.connections.push(connection));
-  const loader = new Loader(fetcher, backoff, preparer, budget, {
+  const server = new Server(fetcher, backoff, new AbortController().signal, () => loader.pump(), true);
+  const loader: Loader = new Loader(new Servers(server, MANIFEST, () => server), preparer, budget, {
     bad: ({ key }) => void seen.bad.push(key),
     arrived: () => undefined,
   });

@@ -15,11 +15,11 @@ DryOption = Annotated[bool, typer.Option("--dry-run", help="Say what would be dr
 
 def command(world: WorldArgument, dry_run: DryOption = False, as_json: JsonOption = False) -> None:
     """Drop what the current generation of WORLD does not name; pages that still show an older one lose its tiles."""
-    from farfield.store import open_store
     from farfield.world.garbage import drop_garbage
+    from farfield.world.split import open_world
 
     with shown_progress() as progress:
-        dropped = drop_garbage(open_store(world), dry_run, progress)
+        dropped = drop_garbage(open_world(world), dry_run, progress)
     done = "would be dropped" if dry_run else "dropped"
     facts = {"world": str(world), "keys": dropped.keys, "bytes": dropped.bytes, "dropped": not dry_run}
     report(facts, as_json=as_json, text=f"{world}: {dropped.keys:,} values, {in_bytes(dropped.bytes)}, {done}")

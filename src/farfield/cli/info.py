@@ -46,6 +46,7 @@ def _facts(world: World) -> dict[str, Any]:
         "bytes": statistics.bytes,
         "source_bytes": statistics.source_bytes,
         "credits": manifest.credits,
+        "servers": manifest.servers.addresses if manifest.servers else (),
     }
 
 
@@ -65,4 +66,6 @@ def _text(facts: dict[str, Any]) -> str:
         "world": f"{facts['orthoviews']:,} orthoviews, {facts['tiles']:,} tiles, {in_bytes(facts['bytes'])}",
         "credits": "; ".join(facts["credits"]) or "none",
     }
+    if facts["servers"]:
+        rows["servers"] = f"{len(facts['servers'])}: {', '.join(facts['servers'])}"
     return "\n".join(f"{name:<12} {value}" for name, value in rows.items())

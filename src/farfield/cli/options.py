@@ -12,7 +12,10 @@ from farfield.errors import OptionError
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 
 WorldArgument = Annotated[
-    str, typer.Argument(metavar="WORLD", help="A baked world: folder, .farfield archive, or URL s3://, gs://, az://.")
+    str,
+    typer.Argument(
+        metavar="WORLD", help="A baked world: folder, .farfield archive, or URL s3://, gs://, az://, https://."
+    ),
 ]
 
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on; 0.0.0.0 for every one.")]

@@ -25,15 +25,16 @@ class ServeRequest:
 def serve_world(place: str | Path, request: ServeRequest) -> None:
     """Serve the world at `place` until interrupted; says the URL on stdout. Raises FarfieldError."""
     from farfield.serve.run import ServeOptions, serve
-    from farfield.store import BucketStore, CachedStore, open_store
-    from farfield.world.manifest import KEY, read_manifest
+    from farfield.store import CachedStore
+    from farfield.store.opening import is_url
+    from farfield.world.manifest import KEY
+    from farfield.world.split import open_served
 
-    store = open_store(place)
-    if isinstance(store, BucketStore):
+    # Only the manifest is read: whatever reads tiles loads the kernels, 2 s that a server has no need of.
+    store = open_served(place)
+    if is_url(store.location):
         # A browser's request for a tile is then one request to the bucket, not one for each of its size and parts.
         store = CachedStore(store, frozenset({KEY}))
-    # Only the manifest: whatever reads tiles loads the kernels, 2 s that a server has no need of.
-    read_manifest(store)
     options = ServeOptions(request.host, request.port, request.bandwidth, request.open_browser)
 
     def announce(url: str) -> None:

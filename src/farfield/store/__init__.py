@@ -5,6 +5,7 @@ from farfield.store.bucket import BucketStore
 from farfield.store.cached import CachedStore
 from farfield.store.contract import Store
 from farfield.store.directory import DirectoryStore
+from farfield.store.http import HttpStore
 from farfield.store.keys import MAX_KEY_LENGTH, check_key, is_key
 from farfield.store.latency import LatencyStore
 from farfield.store.memory import MemoryStore
@@ -16,6 +17,7 @@ __all__ = [
     "BucketStore",
     "CachedStore",
     "DirectoryStore",
+    "HttpStore",
     "LatencyStore",
     "MemoryStore",
     "Place",

@@ -20,6 +20,7 @@ from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
 from farfield.world.reach import IndexRoot, first_index_tiles, parted, textures_of
+from farfield.world.split import SplitStore
 from farfield.world.targets import Target
 
 REQUESTS = 16
@@ -108,7 +109,7 @@ class _Copy:
         # What is decoded and what is written are the same, even if the source gets a new generation meanwhile.
         self._manifest_bytes, self._manifest = data, decode_manifest(data, f"{source.location}/{KEY}")
         self._resuming = target.has_begun(self._manifest)
-        requests = REQUESTS if target.remote or is_url(source.location) else DISK_REQUESTS
+        requests = REQUESTS if target.remote or _is_remote(source) else DISK_REQUESTS
         self._pool = ThreadPoolExecutor(requests)
 
     def run(self) -> Copied:
@@ -212,6 +213,11 @@ class _Copy:
         if not skipped:
             self._target.put(key, value)
         return _Moved(key, len(value), skipped, value, tuple(textures_of(value, key)) if names_others else ())
+
+
+def _is_remote(store: Store) -> bool:
+    """Whether it answers over a network."""
+    return store.remote if isinstance(store, SplitStore) else is_url(store.location)
 
 
 def _pictures_of(cell: _Cell) -> Iterator[_Wanted]:

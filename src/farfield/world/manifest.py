@@ -13,6 +13,7 @@ from farfield.geometry.directions import Direction
 from farfield.octree.grid import MAXIMUM_LEVEL, CellKey, Grid
 from farfield.store.contract import Store
 from farfield.world.limits import DAMAGE, Bounds, Count, DirectionNumber, Hash, Vector, is_box
+from farfield.world.servers import RULE, ServersRecord
 
 FORMAT = "farfield-world"
 VERSION = 1
@@ -88,6 +89,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     attributes: Hash | None = None
     view: ViewRecord | None = None
     """Camera to begin with; None: the viewer frames the bounds."""
+    servers: ServersRecord | msgspec.UnsetType = msgspec.UNSET
+    """Over which servers the world is split; UNSET, and not written: everything is where the manifest is."""
 
     @property
     def octree(self) -> Grid:
@@ -124,17 +127,35 @@ def encode_manifest(manifest: Manifest) -> bytes:
     return msgspec.json.format(msgspec.json.encode(manifest), indent=2) + b"\n"
 
 
+def with_servers(data: bytes, servers: ServersRecord | None) -> bytes:
+    """The manifest `data` of a world split so, or (None) of one that is all in one place; every other member stays as
+    it is written, those that this version does not know among them."""
+    members = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
+    members.pop("servers", None)
+    if servers is not None:
+        members["servers"] = msgspec.Raw(msgspec.json.encode(servers))
+    return msgspec.json.format(msgspec.json.encode(members), indent=2) + b"\n"
+
+
 class _Head(msgspec.Struct):
     """What is read of a manifest before its version is known."""
 
     format: Any = None
     version: Any = None
+    servers: msgspec.Raw = msgspec.Raw(b"null")
+
+
+class _RuleHead(msgspec.Struct):
+    """What is read of `servers` before its rule is known."""
+
+    rule: str = RULE
 
 
 def decode_manifest(data: bytes, where: str = KEY) -> Manifest:
     """Reads a manifest; allocates at most 32 bytes for each byte of it.
 
-    Raises NotAWorldError when it is not the manifest of a world and VersionError when a newer farfield wrote it.
+    Raises NotAWorldError when it is not the manifest of a world and VersionError when a newer farfield wrote it, or
+    split it by a rule of its own.
     """
     _check_head(data, where)
     try:
@@ -164,6 +185,18 @@ def _check_head(data: bytes, where: str) -> None:
         )
     if type(version) is not int or version < 1:
         raise NotAWorldError("damaged manifest: without a version", where, "bake the world again")
+    _check_rule(head.servers, where)
+
+
+def _check_rule(servers: msgspec.Raw, where: str) -> None:
+    """Raises VersionError for a rule of later versions; what else is wrong with it is found when it is read."""
+    try:
+        rule = msgspec.json.decode(servers, type=_RuleHead).rule
+    except DAMAGE:
+        return
+    if rule != RULE:
+        what = f"the world is split over servers by the rule {rule[:80]!r}, this farfield knows {RULE!r} only"
+        raise VersionError(what, where, "upgrade farfield")
 
 
 def _fault_of(manifest: Manifest) -> str:
@@ -175,4 +208,4 @@ def _fault_of(manifest: Manifest) -> str:
         return "a direction is not of unit length"
     if len(set(roots)) < len(roots) or any(r.level != top or not {*r[1:]} <= {-1, 0} for r in roots):
         return f"roots are not among the 8 cells of level {top}"
-    return ""
+    return manifest.servers.fault if manifest.servers else ""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from threading import Lock
 from typing import Protocol
 
 from farfield.errors import MissingKeyError, NotAWorldError
+from farfield.octree.grid import Grid
 from farfield.store.archive import ArchiveWriter
 from farfield.store.contract import Store
 from farfield.store.opening import is_url
 from farfield.world import keys
-from farfield.world.manifest import KEY, Manifest, read_manifest
+from farfield.world.manifest import KEY, Manifest, read_manifest, with_servers
 from farfield.world.reach import first_index_tiles
+from farfield.world.servers import ServersRecord
 
 
 class Target(Protocol):
@@ -70,6 +74,59 @@ class StoreTarget:
 
     def put_in_turn(self, key: str, value: bytes) -> None:
         """Nothing is left to do."""
+
+
+class SplitTarget:
+    """One folder or bucket for each server of a world. What is above the rule's level, and the manifest, is in each:
+    then the world can be opened at any of them, and seen from afar while others are away."""
+
+    manifest_first = False
+
+    def __init__(self, stores: Sequence[Store], servers: ServersRecord, grid: Grid) -> None:
+        """stores: in the order of `servers.addresses`."""
+        self._parts = [StoreTarget(store) for store in stores]
+        self._servers = servers
+        self._grid = grid
+        self._lock = Lock()
+        self.keys = [0] * len(stores)
+        """Values of the world that each server has by now."""
+        self.bytes = [0] * len(stores)
+        """Of those."""
+        self.remote = any(part.remote for part in self._parts)
+
+    def has_begun(self, manifest: Manifest) -> bool:
+        """See `Target.has_begun`."""
+        # Each is asked, for each may be another world's.
+        begun = [part.has_begun(manifest) for part in self._parts]
+        return any(begun)
+
+    def holds(self, key: str, size: int) -> bool:
+        """See `Target.holds`."""
+        there = all(self._parts[number].holds(key, size) for number in self._numbers(key))
+        if there:
+            self._count(key, size)
+        return there
+
+    def put(self, key: str, value: bytes) -> None:
+        """See `Target.put`."""
+        if key == KEY:
+            value = with_servers(value, self._servers)
+        for number in self._numbers(key):
+            self._parts[number].put(key, value)
+        self._count(key, len(value))
+
+    def put_in_turn(self, key: str, value: bytes) -> None:
+        """Nothing is left to do."""
+
+    def _numbers(self, key: str) -> Sequence[int]:
+        number = self._servers.server_of(key, self._grid)
+        return range(len(self._parts)) if number is None else (number,)
+
+    def _count(self, key: str, size: int) -> None:
+        with self._lock:
+            for number in self._numbers(key):
+                self.keys[number] += 1
+                self.bytes[number] += size
 
 
 class ArchiveTarget:

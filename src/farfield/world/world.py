@@ -11,6 +11,7 @@ from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import Manifest, read_manifest
+from farfield.world.split import joined
 
 _HINT = "run farfield verify"
 
@@ -30,8 +31,12 @@ class World:
 
     @classmethod
     def open(cls, store: Store) -> World:
-        """Reads the manifest. Raises NotAWorldError, VersionError or StoreError."""
-        return cls(store, read_manifest(store))
+        """Reads the manifest; of a world that is split over servers, what all of them have is read from then on.
+
+        Raises NotAWorldError, VersionError or StoreError.
+        """
+        manifest = read_manifest(store)
+        return cls(joined(store, manifest), manifest)
 
     @property
     def roots(self) -> tuple[CellKey, ...]:

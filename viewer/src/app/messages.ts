@@ -1,5 +1,7 @@
-import type { Connection } from "../core/backoff.js";
 import type { FarfieldError } from "../core/errors.js";
+import type { FarfieldEvents } from "../three/world.js";
+
+type Connection = FarfieldEvents["connection"];
 
 const TITLES: Readonly<Partial<Record<FarfieldError["tag"], string>>> = {
   "not-a-world": "There is no world here",
@@ -11,6 +13,8 @@ const TITLES: Readonly<Partial<Record<FarfieldError["tag"], string>>> = {
 
 /** What stands over the picture when something is wrong, and the line at its top while the server is away. */
 export class Messages {
+  /** The servers that are away, each by the address of its part. */
+  private readonly away = new Map<string | null, Connection>();
   private timer: ReturnType<typeof setInterval> | undefined;
 
   constructor(
@@ -33,21 +37,33 @@ export class Messages {
     if (address !== null) this.message.replaceChildren(element("h1", "Opening the world …"), element("p", address));
   }
 
-  /** Says that the server is away, counting down to the next attempt, or that all is well again. */
+  /** Says that a server is away, counting down to the next attempt, or that all is well again. */
   connection(state: Connection): void {
     this.clearBanner();
     // One failure in a row may be chance; the second attempt comes half a second later.
-    if (state.online || state.failures < 2) return;
-    const say = (): void => {
-      const seconds = Math.max(0, Math.ceil((state.retryAt - performance.now()) / 1000));
-      const button = element("button", "Try now");
-      button.addEventListener("click", this.retry);
-      const text = seconds > 0 ? `The server does not answer. Next try in ${seconds} s.` : "The server does not answer. Trying …";
-      this.banner.replaceChildren(text, button);
-    };
-    say();
+    if (state.online || state.failures < 2) this.away.delete(state.part);
+    else {
+      if (state.part !== null && !this.away.has(state.part)) {
+        console.warn(`farfield: ${state.part} does not answer; what it has is shown coarser until it does`);
+      }
+      this.away.set(state.part, state);
+    }
+    if (this.away.size === 0) return;
+    this.say();
     this.banner.hidden = false;
-    this.timer = setInterval(say, 500);
+    this.timer = setInterval(() => this.say(), 500);
+  }
+
+  /** Says who is away: the server of the world, or else those of its parts. */
+  private say(): void {
+    const states = this.away.has(null) ? [this.away.get(null)!] : [...this.away.values()];
+    const due = Math.min(...states.map(({ retryAt }) => retryAt));
+    const seconds = Math.max(0, Math.ceil((due - performance.now()) / 1000));
+    const hosts = states.map(({ part }) => part && new URL(part).host).filter(Boolean);
+    const who = hosts.length === 0 ? "The server does" : `${hosts.join(", ")} ${hosts.length === 1 ? "does" : "do"}`;
+    const button = element("button", "Try now");
+    button.addEventListener("click", this.retry);
+    this.banner.replaceChildren(`${who} not answer. ${seconds > 0 ? `Next try in ${seconds} s.` : "Trying …"}`, button);
   }
 
   private clearBanner(): void {

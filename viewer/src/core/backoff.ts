@@ -13,7 +13,8 @@ export interface Connection {
 
 /** Waits longer after each failure in a row: 0.5 s, 1 s, 2 s … 15 s. */
 export class Backoff {
-  private failures = 0;
+  /** Failures in a row. */
+  failures = 0;
   private retryAt = 0;
 
   constructor(
@@ -49,6 +50,11 @@ export class Backoff {
     if (this.failures === 0) return;
     this.failures = 0;
     this.changed({ online: true, failures: 0, retryAt: 0, message: "" });
+  }
+
+  /** The server is there again; the failures are remembered until it has done what was asked of it. */
+  reached(): void {
+    if (this.failures > 0) this.changed({ online: true, failures: 0, retryAt: 0, message: "" });
   }
 
   /** Lets the next attempt start at once. */

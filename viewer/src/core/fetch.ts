@@ -3,6 +3,8 @@ import { Http, type Answer } from "./http.js";
 import type { Found, Source } from "./source.js";
 
 const MISSING = 0xffffffff;
+/** A server that is there answers a knock sooner. */
+const KNOCK_MS = 5000;
 /** Most keys one request asks for: an address stays under 8,000 characters. */
 export const BATCH_KEYS = 48;
 
@@ -12,6 +14,7 @@ export class Fetcher implements Source {
   private batch: string | null = null;
   events: URL | null = null;
   private readonly http = new Http();
+  private readonly knocker = new Http(KNOCK_MS);
 
   constructor(
     /** Address of the folder that holds world.json, with a slash at its end. */
@@ -23,7 +26,7 @@ export class Fetcher implements Source {
   }
 
   get requests(): number {
-    return this.http.requests;
+    return this.http.requests + this.knocker.requests;
   }
 
   /** How many keys one request may ask for. */
@@ -34,10 +37,18 @@ export class Fetcher implements Source {
   /** The manifest's text, always asked for anew. Rejects with `network`, `missing` or `aborted`. */
   async manifest(signal: AbortSignal): Promise<string> {
     const { headers, bytes } = await this.request("world.json", signal, { cache: "no-cache" });
-    this.batch = offered(headers, "Farfield-Batch");
-    const events = offered(headers, "Farfield-Events");
-    this.events = events === null ? null : new URL(events, this.base);
+    this.learn(headers);
     return new TextDecoder().decode(bytes);
+  }
+
+  async knock(signal: AbortSignal): Promise<void> {
+    try {
+      const { headers } = await this.knocker.request(new URL("world.json", this.base), "world.json", signal, { method: "HEAD", cache: "no-store" });
+      this.learn(headers);
+    } catch (error) {
+      // Without a manifest, or without HEAD, it is a server all the same.
+      if (!(error instanceof FarfieldError && error.tag === "missing")) throw error;
+    }
   }
 
   /** One value. Rejects with `network`, `missing` or `aborted`. `fresh` passes caches by. */
@@ -51,6 +62,12 @@ export class Fetcher implements Source {
     const path = `${this.batch}?${keys.map((key) => `key=${key}`).join("&")}`;
     const { bytes } = await this.request(path, signal, {});
     return unpack(bytes, keys, path);
+  }
+
+  private learn(headers: Headers): void {
+    this.batch = offered(headers, "Farfield-Batch");
+    const events = offered(headers, "Farfield-Events");
+    this.events = events === null ? null : new URL(events, this.base);
   }
 
   private getOrNull(key: string, signal: AbortSignal): Promise<Uint8Array | null> {

@@ -15,6 +15,8 @@ export class Http {
   bytes = 0;
   requests = 0;
 
+  constructor(private readonly timeout = TIMEOUT_MS) {}
+
   /**
    * The answer to a request that succeeds; `accept` may throw before the body is read, which is then left unread.
    * `where` is what errors call it. Rejects with `network`, `missing`, `aborted` or what `accept` throws.
@@ -27,7 +29,7 @@ export class Http {
     accept: (answer: Response) => void = () => undefined,
   ): Promise<Answer> {
     this.requests++;
-    const timed = timeLimit(signal);
+    const timed = timeLimit(signal, this.timeout);
     try {
       const answer = await fetch(url, { ...init, signal: timed.signal });
       if (!answer.ok) throw refusal(answer.status, where);
@@ -56,12 +58,12 @@ function network(error: unknown, where: string): FarfieldError {
 }
 
 /** A signal that also aborts when the time is up; `end` stops the clock, and a body that nobody has read. */
-function timeLimit(signal: AbortSignal): { signal: AbortSignal; end: () => void } {
+function timeLimit(signal: AbortSignal, milliseconds: number): { signal: AbortSignal; end: () => void } {
   const own = new AbortController();
   const abort = (): void => own.abort();
   if (signal.aborted) abort();
   signal.addEventListener("abort", abort, { once: true });
-  const timer = setTimeout(abort, TIMEOUT_MS);
+  const timer = setTimeout(abort, milliseconds);
   const end = (): void => {
     clearTimeout(timer);
     signal.removeEventListener("abort", abort);

@@ -1,8 +1,8 @@
-import type { Backoff } from "./backoff.js";
 import { Cache } from "./cache.js";
 import { asFarfieldError, type FarfieldError } from "./errors.js";
 import type { Resource } from "./resource.js";
-import { valueOf, type Found, type Source } from "./source.js";
+import type { Server, Servers } from "./servers.js";
+import { valueOf, type Found } from "./source.js";
 import { URGENCY, type Want } from "./wants.js";
 
 /** A decoded value that waits to be uploaded. */
@@ -27,25 +27,35 @@ export interface LoaderEvents {
   readonly arrived: () => void;
 }
 
+/** To one server at once: as many as browsers open connections to it. */
 const REQUESTS = 6;
+/** To all of them, as far as each has two: more would only share the same line. */
+const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
-/** Values under way and decoded but not uploaded; more would only grow old. */
+/** Values under way and decoded but not uploaded, of all servers together; more would only grow old. */
 const UNDER_WAY = 128;
+
+/** What is under way from one server. */
+interface Request {
+  readonly server: Server;
+  readonly resources: readonly Resource[];
+}
 
 /** Fetches what is wanted, most urgent first, decodes it, and keeps it within a budget of bytes. */
 export class Loader {
   readonly cache: Cache;
   private wants: readonly Want[] = [];
+  /** The same by server. */
+  private queues: ReadonlyMap<Server, readonly Want[]> = new Map();
   private plan = 0;
-  private readonly requests = new Map<AbortController, Resource[]>();
+  private readonly requests = new Map<AbortController, Request>();
   private readonly loading = new Map<Resource, AbortController>();
   private readonly ready = new Map<Resource, Prepared>();
   private readonly damaged = new Set<Resource>();
-  private timer: ReturnType<typeof setTimeout> | undefined;
+  private readonly homes = new WeakMap<Resource, Server>();
 
   constructor(
-    private readonly source: Source,
-    private readonly backoff: Backoff,
+    private readonly servers: Servers,
     private readonly preparer: Preparer,
     budget: number,
     private readonly events: LoaderEvents,
@@ -61,12 +71,13 @@ export class Loader {
   /** Takes the wants of plan `number`, most urgent first; gives up requests that none of them needs. */
   want(wants: readonly Want[], number: number): void {
     this.wants = wants;
+    this.queues = grouped(wants, ({ resource }) => this.serverOf(resource));
     this.plan = number;
     for (const { resource, urgency } of wants) {
       if (urgency <= URGENCY.seen) this.cache.use(resource, number);
     }
     const wanted = new Set(wants.map(({ resource }) => resource));
-    for (const [controller, resources] of this.requests) {
+    for (const [controller, { resources }] of this.requests) {
       if (!resources.some((resource) => wanted.has(resource))) controller.abort();
     }
     this.pump();
@@ -94,32 +105,44 @@ export class Loader {
 
   /** Gives everything up. */
   clear(): void {
-    clearTimeout(this.timer);
     for (const controller of this.requests.keys()) controller.abort();
     this.wants = [];
+    this.queues = new Map();
     this.cache.clear();
   }
 
-  /** Starts as many requests as there is room for. */
+  /** Starts as many requests as there is room for. A server that is slow leaves room for the others. */
   pump(): void {
-    clearTimeout(this.timer);
-    const wait = this.backoff.wait;
-    if (wait > 0) {
-      this.timer = setTimeout(() => this.pump(), wait);
-      return;
-    }
-    for (let next = 0; this.requests.size < REQUESTS && this.underWay < UNDER_WAY; ) {
+    const { length } = this.servers.all;
+    const most = Math.min(REQUESTS, Math.max(2, Math.floor(REQUESTS_TO_ALL / length)));
+    for (const [server, wants] of this.queues) this.ask(server, wants, most, UNDER_WAY / length);
+  }
+
+  /** Starts requests to one server: at most so many at once, for at most so many values. */
+  private ask(server: Server, wants: readonly Want[], requests: number, values: number): void {
+    const asked = [...this.requests.values()].filter((request) => request.server === server);
+    let free = requests - asked.length;
+    let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
+    for (let next = 0; server.reachable && free > 0 && left > 0 && this.underWay < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
       let bytes = 0;
-      for (; next < this.wants.length && chosen.length < this.source.batchKeys && bytes < REQUEST_BYTES; next++) {
-        const { resource, urgency } = this.wants[next]!;
-        if (resource.state !== "absent" || !this.fits(resource, urgency)) continue;
+      const most = Math.min(server.source.batchKeys, left);
+      for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
+        const { resource, urgency } = wants[next]!;
+        if (resource.state !== "absent" || !this.servers.mayAsk(resource) || !this.fits(resource, urgency)) continue;
         chosen.push(resource);
         bytes += resource.bytes;
       }
       if (chosen.length === 0) return;
-      void this.request(chosen);
+      left -= chosen.length;
+      void this.request(server, chosen);
     }
+  }
+
+  private serverOf(resource: Resource): Server {
+    const server = this.homes.get(resource) ?? this.servers.of(resource.key);
+    this.homes.set(resource, server);
+    return server;
   }
 
   /** What is not needed for the picture comes only while there is room. */
@@ -127,22 +150,21 @@ export class Loader {
     return urgency <= URGENCY.seen || this.cache.bytes + resource.bytes * 8 < this.cache.budget * 0.7;
   }
 
-  private async request(resources: Resource[]): Promise<void> {
+  private async request(server: Server, resources: Resource[]): Promise<void> {
     const controller = new AbortController();
-    this.requests.set(controller, resources);
+    this.requests.set(controller, { server, resources });
     for (const resource of resources) {
       resource.state = "loading";
       this.loading.set(resource, controller);
     }
     try {
-      const answers = await this.source.getMany(resources.map(({ key }) => key), controller.signal);
-      this.backoff.succeeded();
+      const answers = await server.getMany(resources.map(({ key }) => key), controller.signal);
       resources.forEach((resource, n) => void this.prepare(resource, answers[n]!, controller.signal));
     } catch (error) {
       const known = asFarfieldError(error, resources[0]!.key);
       for (const resource of resources) this.release(resource);
       if (known.tag === "missing") for (const resource of resources) this.fail(resource, known);
-      else if (known.tag !== "aborted") this.backoff.failed(known.what);
+      else if (known.tag !== "aborted") server.failed(known.what);
     } finally {
       this.requests.delete(controller);
       this.pump();
@@ -153,6 +175,7 @@ export class Loader {
     try {
       const prepared = await this.preparer.prepare(resource, valueOf(found, resource.key), signal);
       this.loading.delete(resource);
+      resource.needs = null;
       resource.state = "ready";
       resource.size = prepared.size;
       this.ready.set(resource, prepared);
@@ -163,22 +186,29 @@ export class Loader {
       this.release(resource);
       const known = asFarfieldError(error, resource.key);
       if (known.tag === "aborted") return;
-      if (known.tag === "network") this.backoff.failed(known.what);
+      if (known.tag === "network") this.postpone(resource, known);
       else if (known.tag === "corrupt" && !this.damaged.has(resource)) void this.requestAnew(resource);
       else this.fail(resource, known);
     }
     this.pump();
   }
 
+  /** Leaves a value until the server answers that it, or what it refers to, is to come from. */
+  private postpone(resource: Resource, { what, where }: FarfieldError): void {
+    resource.needs = where === resource.key ? null : where;
+    if (resource.needs === null) this.serverOf(resource).failed(what);
+  }
+
   /** A damaged value may have been damaged on the way: it is asked for once more, past all caches. */
   private async requestAnew(resource: Resource): Promise<void> {
     this.damaged.add(resource);
     const controller = new AbortController();
-    this.requests.set(controller, [resource]);
+    const server = this.serverOf(resource);
+    this.requests.set(controller, { server, resources: [resource] });
     this.loading.set(resource, controller);
     resource.state = "loading";
     try {
-      const bytes = await this.source.get(resource.key, controller.signal, true);
+      const bytes = await server.get(resource.key, controller.signal, true);
       await this.prepare(resource, bytes, controller.signal);
     } catch (error) {
       this.release(resource);
@@ -218,4 +248,16 @@ export class Loader {
     resource.payload = null;
     resource.state = "absent";
   }
+}
+
+/** Things by what `of` gives for them, in order. */
+function grouped<Item, Group>(items: readonly Item[], of: (item: Item) => Group): Map<Group, Item[]> {
+  const groups = new Map<Group, Item[]>();
+  for (const item of items) {
+    const group = of(item);
+    const known = groups.get(group);
+    if (known) known.push(item);
+    else groups.set(group, [item]);
+  }
+  return groups;
 }

@@ -2,6 +2,7 @@ import { axesOf, type Axes } from "./directions.js";
 import { FarfieldError } from "./errors.js";
 import { Grid, parseKey, type CellKey } from "./grid.js";
 import { boxOf, isCount, isHash, isVector, MAXIMUM_LEVEL, type Json } from "./limits.js";
+import { readServers, type ServerRule } from "./serverrule.js";
 import type { Box, Vector3 } from "./vector.js";
 
 const FORMAT = "farfield-world";
@@ -35,16 +36,18 @@ export interface Manifest {
   readonly roots: readonly { readonly key: CellKey; readonly hash: string }[];
   readonly credits: readonly string[];
   readonly view: View | null;
+  /** Over which servers the world is split; null: everything is where the manifest is. */
+  readonly servers: ServerRule | null;
 }
 
 /** Whether the cells and pictures of two generations have the same places, so that one can be shown beside the other. */
 export function sameFrame(a: Manifest, b: Manifest): boolean {
-  const frameOf = ({ grid, directions, crs, origin }: Manifest): string =>
-    JSON.stringify([grid, [...directions.values()].map(({ number, vector }) => [number, vector]), crs, origin]);
+  const frameOf = ({ grid, directions, crs, origin, servers }: Manifest): string =>
+    JSON.stringify([grid, [...directions.values()].map(({ number, vector }) => [number, vector]), crs, origin, servers]);
   return frameOf(a) === frameOf(b);
 }
 
-/** Reads a manifest; allocates at most 64 bytes for each character of it. Throws `not-a-world` or, when a newer farfield wrote it, `version`. */
+/** Reads a manifest; allocates at most 64 bytes for each character of it. Throws `not-a-world` or, when a newer farfield wrote or split it, `version`. */
 export function decodeManifest(text: string, where: string): Manifest {
   const hint = "is this the address of a baked world?";
   let head: Json;
@@ -63,14 +66,15 @@ export function decodeManifest(text: string, where: string): Manifest {
   }
   try {
     if (version !== VERSION) throw new Error("without a version");
-    return read(head);
+    return read(head, where);
   } catch (error) {
+    if (error instanceof FarfieldError && error.tag === "version") throw error;
     const what = `damaged manifest: ${error instanceof Error ? error.message : String(error)}`;
     throw new FarfieldError("not-a-world", what, where, "bake the world again");
   }
 }
 
-function read(head: Json): Manifest {
+function read(head: Json, where: string): Manifest {
   const grid = readGrid(object(head["grid"], "grid"));
   const bounds = boxOf(head["bounds"]);
   const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1 } = head;
@@ -91,6 +95,7 @@ function read(head: Json): Manifest {
     roots: readRoots(list(head["roots"] ?? [], "roots"), grid),
     credits: list(head["credits"] ?? [], "credits").map(String),
     view: head["view"] == null ? null : readView(object(head["view"], "view")),
+    servers: head["servers"] === undefined ? null : readServers(head["servers"], where),
   };
 }
 

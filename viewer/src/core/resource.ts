@@ -21,6 +21,8 @@ export class Resource {
   size = 0;
   /** Number of the last plan that had a use for it. */
   used = 0;
+  /** Key of another value without which it cannot be prepared, and which could not be had at the last attempt. */
+  needs: string | null = null;
   /** The newest generation does not have it. */
   gone = false;
 

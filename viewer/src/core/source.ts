@@ -16,6 +16,8 @@ export interface Source {
   readonly events: URL | null;
   /** The manifest's text, always asked for anew. Rejects with `network`, `missing`, `aborted`, or what the kind of source adds. */
   manifest(signal: AbortSignal): Promise<string>;
+  /** Asks whether the server is there, and what it offers. Rejects with `network` or `aborted`. */
+  knock(signal: AbortSignal): Promise<void>;
   /** One value. Rejects with `network`, `missing`, `corrupt` or `aborted`. `fresh` passes caches by. */
   get(key: string, signal: AbortSignal, fresh?: boolean): Promise<Uint8Array>;
   /** Several values. Rejects with `network` or `aborted`. */

@@ -29,8 +29,15 @@ export interface Want {
 /** Levels from a cell of the cut up to the ancestor that is kept to stand in for it. */
 const COVER_LEVELS = 2;
 
-/** Everything a plan has a use for, most urgent first: in the picture, then near, then coarse. */
-export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest, view: PlanView): Want[] {
+function isBad({ state }: Resource): boolean {
+  return state === "bad";
+}
+
+/**
+ * Everything a plan has a use for, most urgent first: in the picture, then near, then coarse. `lacks` tells what cannot be
+ * had, in whose place parents are wanted.
+ */
+export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest, view: PlanView, lacks: (resource: Resource) => boolean = isBad): Want[] {
   const wants = new Map<Resource, Want>();
   const add = (resources: readonly Resource[], cell: Cell, urgency: number): void => {
     const distance = distanceTo(cell.box, view.eye);
@@ -44,13 +51,13 @@ export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest
     const ranked = rankedViews(cell, manifest.directions, view.eye).slice(0, viewsWanted(cell, view.eye, view.choice));
     const tiles = ranked.flatMap((ranking) => layersOf(ranking, view.choice));
     add(tiles, cell, urgency);
-    if (cell.parent && tiles.some((tile) => tile.state === "bad")) addPictures(cell.parent, urgency);
+    if (cell.parent && tiles.some(lacks)) addPictures(cell.parent, urgency);
   };
   const addGeometry = (cell: Cell, urgency: number): void => {
     const near = cell.geometry;
     const parts = near ? [near.leaf, ...near.meshes] : [];
     add(parts, cell, urgency);
-    if (!near || parts.some((part) => part.state === "bad")) addPictures(cell, urgency);
+    if (!near || parts.some(lacks)) addPictures(cell, urgency);
   };
 
   for (const root of roots) addPictures(root, URGENCY.root);

@@ -1,11 +1,11 @@
-import type { Backoff } from "./backoff.js";
 import { Cell, SharedMeshes } from "./cell.js";
 import { asFarfieldError, corrupt, FarfieldError } from "./errors.js";
 import { decodeIndexTile } from "./indextile.js";
 import { formatKey } from "./grid.js";
 import { indexKey } from "./keys.js";
 import type { Manifest } from "./manifest.js";
-import { valueOf, type Found, type Source } from "./source.js";
+import type { Server, Servers } from "./servers.js";
+import { valueOf, type Found } from "./source.js";
 
 export interface WorldEvents {
   readonly bad: (key: string, error: FarfieldError, index: WorldIndex) => void;
@@ -22,8 +22,7 @@ export class WorldIndex {
 
   constructor(
     readonly manifest: Manifest,
-    private readonly source: Source,
-    private readonly backoff: Backoff,
+    private readonly servers: Servers,
     private readonly events: WorldEvents,
     before: WorldIndex | null = null,
   ) {
@@ -42,7 +41,7 @@ export class WorldIndex {
    * and this one keeps what it needs to be drawn until it is closed.
    */
   followedBy(manifest: Manifest): WorldIndex {
-    return new WorldIndex(manifest, this.source, this.backoff, this.events, this);
+    return new WorldIndex(manifest, this.servers, this.events, this);
   }
 
   /** Number of index tiles under way. */
@@ -50,29 +49,38 @@ export class WorldIndex {
     return this.loading.size;
   }
 
+  /** Whether the index below a cell is still to be read, and can be. */
+  isDue(cell: Cell): boolean {
+    return cell.unread && !this.servers.isAway(keyOf(cell));
+  }
+
   /** Starts reading the index below cells, in the order given; those that are being read already are left alone. */
   explore(cells: readonly Cell[]): void {
-    const due = [...new Set(cells)].filter((cell) => cell.indexHash && !this.loading.has(cell));
-    const share = Math.max(1, this.source.batchKeys);
-    for (let n = 0; n < due.length; n += share) void this.load(due.slice(n, n + share));
+    const due = new Map<Server, Cell[]>();
+    for (const cell of new Set(cells)) {
+      if (!cell.indexHash || this.loading.has(cell)) continue;
+      const server = this.servers.of(keyOf(cell));
+      if (server.reachable) due.set(server, [...(due.get(server) ?? []), cell]);
+    }
+    for (const [server, list] of due) {
+      const share = Math.max(1, server.source.batchKeys);
+      for (let n = 0; n < list.length; n += share) void this.load(server, list.slice(n, n + share));
+    }
   }
 
   close(): void {
     this.closing.abort();
   }
 
-  private async load(cells: readonly Cell[]): Promise<void> {
+  private async load(server: Server, cells: readonly Cell[]): Promise<void> {
     for (const cell of cells) this.loading.add(cell);
-    const keys = cells.map((cell) => indexKey(cell.name, cell.indexHash));
+    const keys = cells.map(keyOf);
     try {
-      const answers = await this.source.getMany(keys, this.closing.signal);
-      this.backoff.succeeded();
+      const answers = await server.getMany(keys, this.closing.signal);
       cells.forEach((cell, n) => this.read(cell, keys[n]!, answers[n]!));
     } catch (thrown) {
       const error = asFarfieldError(thrown, keys[0]!);
-      if (error.tag === "aborted") return;
-      this.backoff.failed(error.what);
-      await this.backoff.rest();
+      if (error.tag !== "aborted") server.failed(error.what);
     } finally {
       for (const cell of cells) this.loading.delete(cell);
       if (!this.closing.signal.aborted) this.events.grown();
@@ -90,4 +98,9 @@ export class WorldIndex {
       this.events.bad(key, thrown instanceof FarfieldError ? thrown : corrupt(String(thrown), key), this);
     }
   }
+}
+
+/** Key of the index tile that tells of what lies below a cell. */
+function keyOf({ name, indexHash }: Cell): string {
+  return indexKey(name, indexHash);
 }

@@ -1,16 +1,15 @@
-import type { Backoff } from "../core/backoff.js";
 import { asFarfieldError, type FarfieldError } from "../core/errors.js";
 import { Follower } from "../core/follower.js";
 import type { Manifest } from "../core/manifest.js";
-import type { Source } from "../core/source.js";
+import type { Server } from "../core/servers.js";
 import { openManifest } from "./opening.js";
 
 /** A world of many bad tiles is not asked for its manifest with each of them. */
 const LEAST_MS = 5000;
 
 export interface GenerationParts {
-  readonly source: Source;
-  readonly backoff: Backoff;
+  /** Where the manifest is. */
+  readonly home: Server;
   readonly signal: AbortSignal;
   /** The newest manifest that is known. */
   readonly newest: () => Manifest | null;
@@ -28,7 +27,7 @@ export class Generations {
 
   /** Begins to listen, where the server tells; the manifest has been read. */
   constructor(private readonly parts: GenerationParts) {
-    const { events } = parts.source;
+    const { events } = parts.home.source;
     this.follower = events && "EventSource" in globalThis ? new Follower(events, (number) => void this.heard(number)) : null;
   }
 
@@ -45,6 +44,8 @@ export class Generations {
 
   /** Whether a value that is missing belongs to a generation that has been replaced. */
   async explains(): Promise<boolean> {
+    // Another server may miss it while the one that could tell is away.
+    if (!this.parts.home.reachable) return false;
     if (!this.looking && performance.now() < this.lookedAt + LEAST_MS) return false;
     return this.look();
   }
@@ -61,7 +62,8 @@ export class Generations {
 
   /** A manifest that cannot be read leaves the picture as it is. */
   private async read(): Promise<boolean> {
-    const { source, backoff, signal, newest, found, unreadable } = this.parts;
+    const { home, signal, newest, found, unreadable } = this.parts;
+    const { source, backoff } = home;
     try {
       const manifest = await openManifest(source, backoff, signal);
       this.lookedAt = performance.now();

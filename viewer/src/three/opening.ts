@@ -32,7 +32,7 @@ export async function openManifest(source: Source, backoff: Backoff, signal: Abo
     try {
       const text = await source.manifest(signal);
       backoff.succeeded();
-      return decodeManifest(text, `${source.base}world.json`);
+      return manifestOf(text, source);
     } catch (thrown) {
       const error = asFarfieldError(thrown, source.base);
       if (error.tag === "missing") {
@@ -43,4 +43,12 @@ export async function openManifest(source: Source, backoff: Backoff, signal: Abo
       await backoff.rest();
     }
   }
+}
+
+function manifestOf(text: string, source: Source): Manifest {
+  const manifest = decodeManifest(text, `${source.base}world.json`);
+  if (manifest.servers && source instanceof ArchiveFetcher) {
+    throw new FarfieldError("not-a-world", "an archive holds all of a world and is not split over servers", source.base);
+  }
+  return manifest;
 }

@@ -1,11 +1,10 @@
 import type { Camera, Group, Scene, WebGLRenderer } from "three";
 import type { DecodePool } from "../core/decode/pool.js";
-import type { Backoff } from "../core/backoff.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
-import type { Source } from "../core/source.js";
+import type { Servers } from "../core/servers.js";
 import { distanceTo } from "../core/vector.js";
 import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
@@ -25,8 +24,7 @@ const PATIENCE_MS = 3000;
 /** What a session works with. */
 export interface SessionParts {
   readonly index: WorldIndex;
-  readonly source: Source;
-  readonly backoff: Backoff;
+  readonly servers: Servers;
   readonly pool: DecodePool;
   readonly light: LightUniforms;
   /** Holds what is drawn; part of `scene`. */
@@ -58,14 +56,14 @@ export class Session {
     private readonly parts: SessionParts,
     events: LoaderEvents,
   ) {
-    const { index, source, backoff, pool, light, group, renderer, options } = parts;
+    const { index, servers, pool, light, group, renderer, options } = parts;
     this.index = index;
     const { manifest } = index;
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(source, pool), renderer, forget });
-    this.loader = new Loader(source, backoff, preparer, options().cacheBytes, events);
+    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget });
+    this.loader = new Loader(servers, preparer, options().cacheBytes, events);
   }
 
   /** Prepares a newer generation; it takes the place of the present one when all that the view wants of it is there. */
@@ -90,6 +88,11 @@ export class Session {
     return !this.next || cell === null || this.next.roots.includes(cell.root);
   }
 
+  /** Bytes and requests since the session began. */
+  get traffic(): { readonly bytes: number; readonly requests: number } {
+    return this.parts.servers;
+  }
+
   /** Levels by which the cut is coarser than asked, because the budget would not hold it. */
   get coarsened(): number {
     return this.coarsening.levels;
@@ -97,8 +100,9 @@ export class Session {
 
   /** Values that the picture wants and that have not arrived. */
   get pending(): number {
+    const lacks = this.parts.servers.lacking();
     let count = 0;
-    for (const resource of this.seen) if (!isDone(resource)) count++;
+    for (const resource of this.seen) if (!isDone(resource, lacks)) count++;
     return count;
   }
 
@@ -148,8 +152,9 @@ export class Session {
     if (!next) return { taken: false, wants: null };
     const view = this.viewOf(viewpoint, width);
     const plan = makePlan(next.roots, next.manifest.directions, view);
-    const wants = listWants(next.roots, plan, next.manifest, view).filter(({ urgency }) => urgency <= URGENCY.seen);
-    const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource));
+    const lacks = this.parts.servers.lacking();
+    const wants = listWants(next.roots, plan, next.manifest, view, lacks).filter(({ urgency }) => urgency <= URGENCY.seen);
+    const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource, lacks));
     if (!there && !this.isOverdue(wants)) {
       explore(next, plan);
       return { taken: false, wants };
@@ -164,17 +169,19 @@ export class Session {
   private isOverdue(wants: readonly Want[]): boolean {
     if (this.movedAt === null || performance.now() < this.movedAt + PATIENCE_MS) return false;
     const roots = wants.filter(({ urgency }) => urgency === URGENCY.root);
-    return roots.length > 0 && roots.every(({ resource }) => isDone(resource));
+    const lacks = this.parts.servers.lacking();
+    return roots.length > 0 && roots.every(({ resource }) => isDone(resource, lacks));
   }
 
   /** A plan whose wants fit into the budget, as far as can be told before they are fetched. */
   private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; wants: Want[]; detail: boolean } {
     const { index } = this;
-    const { options } = this.parts;
+    const { options, servers } = this.parts;
+    const lacks = servers.lacking();
     for (;;) {
       const view = this.viewOf(viewpoint, width);
       const plan = makePlan(index.roots, index.manifest.directions, view);
-      const wants = listWants(index.roots, plan, index.manifest, view);
+      const wants = listWants(index.roots, plan, index.manifest, view, lacks);
       const change = this.coarsening.adapt(seenOf(wants), options().cacheBytes);
       if (change !== "coarser") return { plan, wants, detail: change === "finer" };
     }
@@ -193,6 +200,7 @@ export class Session {
   dispose(): void {
     this.next?.close();
     this.index.close();
+    this.parts.servers.close();
     this.loader.clear();
     this.splats.dispose();
     this.near.dispose();
@@ -214,14 +222,14 @@ export class Session {
   }
 }
 
-/** Whether nothing more is to be expected of a value. */
-function isDone({ state }: Resource): boolean {
-  return state === "held" || state === "bad";
+/** Whether nothing more is to be expected of a value, for now. */
+function isDone(resource: Resource, lacks: (resource: Resource) => boolean): boolean {
+  return resource.held || lacks(resource);
 }
 
 /** Whether the index has been read as far as a plan needs it. */
 function isKnown(index: WorldIndex, plan: Plan): boolean {
-  return index.pending === 0 && ![...index.roots, ...plan.cut.unknown].some(({ unread }) => unread);
+  return index.pending === 0 && ![...index.roots, ...plan.cut.unknown].some((cell) => index.isDue(cell));
 }
 
 function explore(index: WorldIndex, plan: Plan): void {

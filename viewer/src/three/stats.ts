@@ -35,6 +35,7 @@ export interface WorldStats {
 
 export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): WorldStats {
   const { plan = null, loader, splats, near } = session ?? {};
+  const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
   return {
@@ -46,8 +47,8 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     geometry_cells: plan?.geometry.length ?? 0,
     stand_ins: plan?.standIns ?? 0,
     cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
-    bytes: source.bytes,
-    requests: source.requests,
+    bytes,
+    requests,
     tiles_pending: session?.pending ?? 0,
     tiles_missing: bad,
     cache_bytes: loader?.cache.bytes ?? 0,

@@ -3,7 +3,9 @@ import { Backoff, type Connection } from "../core/backoff.js";
 import { DecodePool, type WorkerMaker } from "../core/decode/pool.js";
 import { asFarfieldError, type FarfieldError } from "../core/errors.js";
 import { Emitter } from "../core/events.js";
+import { Fetcher } from "../core/fetch.js";
 import { sameFrame, type Manifest } from "../core/manifest.js";
+import { Server, Servers } from "../core/servers.js";
 import type { Source } from "../core/source.js";
 import { WorldIndex } from "../core/world.js";
 import { Frame } from "./frame.js";
@@ -26,8 +28,8 @@ export interface FarfieldEvents {
   failed: FarfieldError;
   /** A value is missing or damaged; its parent stands in. */
   bad: { readonly key: string; readonly error: FarfieldError };
-  /** The server has gone away or come back. */
-  connection: Connection;
+  /** A server has gone away or come back; `part` is its address, or null when it is the one that the manifest came from. */
+  connection: Connection & { readonly part: string | null };
   /** Something came in: it is time for another frame. */
   arrived: undefined;
 }
@@ -47,7 +49,8 @@ export class FarfieldWorld extends Object3D {
   private readonly frame = new Frame();
   private readonly light = new LightUniforms();
   private readonly pool: DecodePool;
-  private readonly backoff: Backoff;
+  private readonly home: Server;
+  private servers: Servers | null = null;
   private readonly closing = new AbortController();
   private readonly waiting: (() => void)[] = [];
   private renderer: WebGLRenderer | null = null;
@@ -67,7 +70,7 @@ export class FarfieldWorld extends Object3D {
     this.options = withChanges(defaultOptions(), options);
     this.source = sourceOf(url);
     this.pool = new DecodePool(maker);
-    this.backoff = new Backoff(() => performance.now(), (connection) => this.events.emit("connection", connection));
+    this.home = this.serverOf(this.source, null, this.closing.signal);
     this.inner.add(this.group);
     this.inner.matrixWorldAutoUpdate = false;
     this.frame.addTo(this);
@@ -140,8 +143,7 @@ export class FarfieldWorld extends Object3D {
 
   /** Tries again at once what failed for want of an answer. */
   retryNow(): void {
-    this.backoff.hurry();
-    this.session?.loader.pump();
+    for (const { backoff } of this.servers?.all ?? [this.home]) backoff.hurry();
   }
 
   /** Looks whether there is a newer generation, which is then shown; for servers that do not tell (docs/viewer.md). */
@@ -159,16 +161,16 @@ export class FarfieldWorld extends Object3D {
   }
 
   private async open(): Promise<void> {
-    const { source, backoff } = this;
+    const { source, home } = this;
     const { signal } = this.closing;
     try {
-      const manifest = await openManifest(source, backoff, signal);
+      const manifest = await openManifest(source, home.backoff, signal);
       if (signal.aborted) return;
       this.begin(manifest);
       const newest = (): Manifest | null => this.session?.newest ?? null;
       const found = (newer: Manifest): void => this.renew(newer);
       const unreadable = (error: FarfieldError): void => this.events.emit("bad", { key: "world.json", error });
-      this.generations = new Generations({ source, backoff, signal, newest, found, unreadable });
+      this.generations = new Generations({ home, signal, newest, found, unreadable });
       this.events.emit("ready", manifest);
     } catch (thrown) {
       const error = asFarfieldError(thrown, this.source.base);
@@ -177,19 +179,34 @@ export class FarfieldWorld extends Object3D {
   }
 
   private begin(manifest: Manifest): void {
-    const index = new WorldIndex(manifest, this.source, this.backoff, {
+    const servers = new Servers(this.home, manifest, (address, signal) => this.serverOf(new Fetcher(address), address, signal));
+    this.servers = servers;
+    const index = new WorldIndex(manifest, servers, {
       bad: (key, error, of) => this.doubt(key, error, () => of.manifest === this.session?.newest),
       grown: () => this.changed(),
     });
-    const { source, backoff, pool, light, group, frame, inner } = this;
+    const { pool, light, group, frame, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;
     const options = (): WorldOptions => this.options;
-    const parts = { index, source, backoff, pool, light, group, scene: inner, frame, renderer, options };
+    const parts = { index, servers, pool, light, group, scene: inner, frame, renderer, options };
     this.session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
     });
     this.changed();
+  }
+
+  /** What asks a server, knocks when it is away, and tells of it; `part` as in the event `connection`. */
+  private serverOf(source: Source, part: string | null, signal: AbortSignal): Server {
+    const changed = (connection: Connection): void => {
+      this.events.emit("connection", { ...connection, part });
+      this.changed();
+    };
+    const back = (): void => {
+      this.session?.loader.pump();
+      this.changed();
+    };
+    return new Server(source, new Backoff(() => performance.now(), changed), signal, back, part === null);
   }
 
   /** Shows a newer generation: in the place of the present one where that is possible, else from the beginning. */

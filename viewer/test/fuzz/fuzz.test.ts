@@ -42,6 +42,8 @@ interface Decoder {
 const GOLDEN = unzipSync(readFileSync(new URL("../../../tests/fixtures/world-v1.zip", import.meta.url)));
 const below = (folder: string): Uint8Array[] => Object.keys(GOLDEN).filter((name) => name.startsWith(folder)).sort().map((name) => GOLDEN[name]!);
 const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
+const SERVERS = { rule: "cell-crc32", level: 1, addresses: ["https://a.example.org/city/", "./", "../b/"] };
+const SPLIT = new TextEncoder().encode(JSON.stringify({ ...(JSON.parse(text(GOLDEN["world.json"]!)) as object), servers: SERVERS }));
 const manifest = decodeManifest(text(GOLDEN["world.json"]!), "");
 const u32At = (bytes: Uint8Array, at: number): number => (bytes.length < at + 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset).getUint32(at, true));
 
@@ -79,7 +81,7 @@ const DECODERS: readonly Decoder[] = [
     bound: (bytes) => 64 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
   },
   { name: "index", decode: index, corpus: below("index"), shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
-  { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },
+  { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!, SPLIT], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },
   {
     name: "inflate",
     decode: (bytes) => inflate(bytes.subarray(4), u32At(bytes, 0) % (1 << 24), "stream"),

@@ -56,6 +56,11 @@ export class ArchiveFetcher implements Source {
     return new TextDecoder().decode(await this.get("world.json", signal));
   }
 
+  /** Whether the archive can be read shows when values are asked for. */
+  knock(): Promise<void> {
+    return Promise.resolve();
+  }
+
   async get(key: string, signal: AbortSignal, fresh = false): Promise<Uint8Array> {
     const opened = await this.whenOpened();
     const span = await this.find(opened, key);

@@ -2,7 +2,7 @@ import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SR
 import type { DecodePool } from "../../core/decode/pool.js";
 import { FarfieldError } from "../../core/errors.js";
 import { textureKey } from "../../core/keys.js";
-import type { Source } from "../../core/source.js";
+import type { Servers } from "../../core/servers.js";
 
 interface Entry {
   readonly texture: Promise<Texture>;
@@ -14,7 +14,7 @@ export class TextureShelf {
   private readonly entries = new Map<string, Entry>();
 
   constructor(
-    private readonly source: Source,
+    private readonly servers: Servers,
     private readonly pool: DecodePool,
   ) {}
 
@@ -37,7 +37,8 @@ export class TextureShelf {
   private async load(hash: string, cutout: boolean): Promise<Texture> {
     // Without the signal of the first who asks: others may be waiting for the same image.
     const { signal } = new AbortController();
-    const bytes = await this.source.get(textureKey(hash), signal);
+    const key = textureKey(hash);
+    const bytes = await this.servers.of(key).get(key, signal);
     const texture = cutout ? await this.cutoutOf(bytes, hash, signal) : await opaqueOf(bytes, hash);
     texture.colorSpace = SRGBColorSpace;
     texture.flipY = false;
