@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from farfield.bake.bake import bake
+from farfield.bake.bake import bake_held
 from farfield.bake.options import BakeOptions
 from farfield.bake.repair import forget
 from farfield.errors import MissingKeyError, OptionError, WorldError
@@ -46,9 +46,10 @@ def bake_sources(
     store = open_store(output, create=True)
     scene = read_scene(sources)
     options = options or BakeOptions()
-    _remember(store, sources, options)
-    result = bake(scene, store, options, progress)
-    install_viewer(store)
+    with store.writing():
+        _remember(store, sources, options)
+        result = bake_held(scene, store, options, progress)
+        install_viewer(store)
     statistics = result.manifest.statistics
     return {
         "world": str(output),
@@ -89,8 +90,9 @@ def update_place(
         workers=workers,
     )
     scene = _in_frame(read_scene(sources), manifest, store.location)
-    _remember(store, sources, options)
-    result = bake(scene, store, options, progress)
+    with store.writing():
+        _remember(store, sources, options)
+        result = bake_held(scene, store, options, progress)
     return {
         "world": str(place),
         "cells_rebuilt": result.cells_rebuilt,

@@ -11,6 +11,7 @@ export class Fetcher implements Source {
   /** Address of the batch request, when the server offers one. */
   private batch: string | null = null;
   events: URL | null = null;
+  tag: string | null = null;
   private readonly http = new Http();
 
   constructor(
@@ -37,6 +38,7 @@ export class Fetcher implements Source {
     this.batch = offered(headers, "Farfield-Batch");
     const events = offered(headers, "Farfield-Events");
     this.events = events === null ? null : new URL(events, this.base);
+    this.tag = tagIn(headers.get("ETag"));
     return new TextDecoder().decode(bytes);
   }
 
@@ -69,6 +71,11 @@ export class Fetcher implements Source {
 function offered(headers: Headers, name: string): string | null {
   const address = headers.get(name);
   return address && /^[a-z]+$/.test(address) ? address : null;
+}
+
+/** The tag that an ETag of `farfield serve` holds, compressed, weakened by a proxy or neither; null: it is another server's. */
+export function tagIn(etag: string | null): string | null {
+  return /^(?:W\/)?"([0-9a-f]{16})(?:-gz)?"$/.exec(etag ?? "")?.[1] ?? null;
 }
 
 /** The values in the answer to a batch request, as parts of it. Throws `network` when it is cut short. */

@@ -23,6 +23,8 @@ export interface View {
 
 /** What a world is and where its index starts (spec/world.md, Manifest). */
 export interface Manifest {
+  /** What it was read from; tells it from every other. */
+  readonly text: string;
   readonly generation: number;
   readonly name: string;
   readonly crs: string | null;
@@ -63,14 +65,14 @@ export function decodeManifest(text: string, where: string): Manifest {
   }
   try {
     if (version !== VERSION) throw new Error("without a version");
-    return read(head);
+    return read(head, text);
   } catch (error) {
     const what = `damaged manifest: ${error instanceof Error ? error.message : String(error)}`;
     throw new FarfieldError("not-a-world", what, where, "bake the world again");
   }
 }
 
-function read(head: Json): Manifest {
+function read(head: Json, text: string): Manifest {
   const grid = readGrid(object(head["grid"], "grid"));
   const bounds = boxOf(head["bounds"]);
   const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1 } = head;
@@ -79,6 +81,7 @@ function read(head: Json): Manifest {
   if (depthLayers !== 1 && depthLayers !== 2) throw new Error("depth_layers");
   if (!isCount(generation)) throw new Error("generation");
   return {
+    text,
     generation,
     name: String(head["name"] ?? ""),
     crs: typeof head["crs"] === "string" ? head["crs"] : null,
