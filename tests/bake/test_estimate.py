@@ -47,7 +47,7 @@ def houses(count: int, lower: float, upper: float, seed: int) -> Mesh:
 def uneven() -> Scene:
     """A dense town in a corner of sparse country."""
     here = [(0.0, 0.0, 0.0)]
-    return scene_of((ground(0, 60), here), (houses(500, 1, 16, 2), here), (houses(25, 1, 57, 3), here))
+    return scene_of((ground(0, 44), here), (houses(300, 1, 13, 2), here), (houses(25, 1, 41, 3), here))
 
 
 def forest() -> Scene:
@@ -56,19 +56,19 @@ def forest() -> Scene:
     middle = random.normal((0, 0, 4), (1, 1, 1.2), (150, 1, 3))
     crown = quad_mesh(middle + random.normal(0, 0.25, (150, 4, 3)), Material("leaf", (0.2, 0.4, 0.1, 1.0)))
     trunk = box((-0.2, -0.2, 0.0), (0.2, 0.2, 4.0), WALL)
-    trees = scattered(120, (0, 0, 0), (50, 50, 0))
-    return scene_of((ground(0, 50), [(0.0, 0.0, 0.0)]), (crown, trees), (trunk, trees))
+    trees = scattered(90, (0, 0, 0), (44, 44, 0))
+    return scene_of((ground(0, 44), [(0.0, 0.0, 0.0)]), (crown, trees), (trunk, trees))
 
 
 def floating() -> Scene:
     """Intricate objects in space."""
     kinds = [blob(600, 3.0, seed) for seed in range(3)]
-    return scene_of(*((kind, scattered(9, (0, 0, 0), (24, 24, 24), n)) for n, kind in enumerate(kinds)))
+    return scene_of(*((kind, scattered(9, (0, 0, 0), (20, 20, 20), n)) for n, kind in enumerate(kinds)))
 
 
 def terrain() -> Scene:
     """Hills, one mesh."""
-    x, y = np.meshgrid(np.linspace(0, 60, 71), np.linspace(0, 60, 71), indexing="ij")
+    x, y = np.meshgrid(np.linspace(0, 44, 71), np.linspace(0, 44, 71), indexing="ij")
     p = np.stack([x, y, 3 * np.sin(x / 9) * np.cos(y / 7)], 2)
     quads = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], 2).reshape(-1, 4, 3)
     return scene_of((quad_mesh(quads, Material("grass", (0.2, 0.4, 0.1, 1.0))), [(0.0, 0.0, 0.0)]))
@@ -78,7 +78,7 @@ def diagonal() -> Scene:
     """Walls that lead across cells of which most are empty, though the boxes about them are not."""
     walls = []
     for n in range(12):
-        a, b = np.array([2.0 * n, 0.0]), np.array([60.0, 60.0 - 2 * n])
+        a, b = np.array([2.0 * n, 0.0]), np.array([44.0, 44.0 - 2 * n])
         walls.append([[*a, 0.0], [*b, 0.0], [*b, 4.0], [*a, 4.0]])
     return scene_of((quad_mesh(np.array(walls), WALL), [(0.0, 0.0, 0.0)]))
 
@@ -115,7 +115,7 @@ def told(scene: Scene) -> Told:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine, "estimate", listening)
         store = MemoryStore()
-        bake(scene, store, replace(SMALL, directions="9"))
+        bake(scene, store, replace(SMALL, directions="5"))
     expected, job, children, sampled, _ = heard
     return Told(expected, job, children, sampled, World.open(store))
 

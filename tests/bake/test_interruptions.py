@@ -137,7 +137,7 @@ def _interruptible() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Some objects."""
-    return make_objects(tmp_path_factory.mktemp("objects"), ObjectsOptions(count=12, triangles=2000)).path
+    return make_objects(tmp_path_factory.mktemp("objects"), ObjectsOptions(count=5, triangles=1000)).path
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +211,7 @@ def termination(bake: Bake) -> None:
     bake.terminate()
 
 
-@pytest.mark.parametrize("when", [begins, is_halfway])
+@pytest.mark.parametrize("when", [pytest.param(begins, marks=pytest.mark.slow), is_halfway])
 @pytest.mark.parametrize("act", [to_all, to_the_command, termination])
 def test_interrupted(
     scene: Path,
@@ -259,14 +259,13 @@ def test_a_write_that_ends_in_its_middle(scene: Path, expected: dict[str, bytes]
     goes_on(scene, world, expected)
 
 
-def test_a_disk_that_is_read_only(scene: Path, expected: dict[str, bytes], disk: Path) -> None:
+def test_a_disk_that_is_read_only(scene: Path, disk: Path) -> None:
     remount(disk, "ro")
     code, line = end_of(start(scene, disk / "world"))
     assert code == 1
     assert line.startswith(f"farfield: {disk}/world: ")
     assert "cannot be written: read-only file system (the file system is mounted read-only" in line
-    remount(disk, "rw")
-    goes_on(scene, disk / "world", expected)
+    assert list(disk.iterdir()) == []
 
 
 def test_a_world_begun_on_a_disk_that_has_become_read_only(scene: Path, expected: dict[str, bytes], disk: Path) -> None:
