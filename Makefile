@@ -16,9 +16,7 @@ demo: setup
 	$(BIN)/farfield demo
 
 test: setup chromium lint check-viewer
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) --ignore=tests/fuzz
-	# In a process of its own: it traces memory and rings alarms, which threads left by servers and clusters may not survive.
-	$(BIN)/python -m pytest $(PYTEST_FLAGS) tests/fuzz
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -97,14 +97,18 @@ def _visit(browser: Browser, url: str) -> Iterator[Visit]:
     """The page with an empty cache. Raises RuntimeError when anything was said on its console."""
     context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
     page = Visit(context.new_page(), expect_errors=False)
-    page.page.set_default_timeout(120_000)
-    page.page.goto(url)
-    page.page.wait_for_function("window.farfield !== undefined")
-    page.complete()
-    yield page
-    context.close()
-    if page.errors:
-        raise RuntimeError(f"on the console: {page.errors[:3]}")
+    try:
+        page.page.set_default_timeout(120_000)
+        page.page.goto(url)
+        page.page.wait_for_function("window.farfield !== undefined")
+        page.complete()
+        yield page
+        # What is said while the page is closed is of connections that are given up.
+        said = list(page.errors)
+    finally:
+        page.leave()
+    if said:
+        raise RuntimeError(f"on the console: {said[:3]}")
 
 
 def _first_picture(browser: Browser, url: str) -> dict[str, Any]:

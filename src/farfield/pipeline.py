@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from farfield.bake.bake import bake
+from farfield.bake.bake import bake_held
 from farfield.bake.options import BAKE_VERSION, BakeOptions
 from farfield.bake.region import with_region
 from farfield.bake.repair import forget
@@ -53,9 +53,10 @@ def bake_sources(
     refuse_split(store)
     scene = read_scene(sources)
     options = options or BakeOptions()
-    _remember(store, sources, options)
-    result = bake(scene, store, options, progress)
-    install_viewer(store)
+    with store.writing():
+        _remember(store, sources, options)
+        result = bake_held(scene, store, options, progress)
+        install_viewer(store)
     statistics = result.manifest.statistics
     return {
         "world": str(output),
@@ -102,15 +103,16 @@ def update_place(
         corner=manifest.grid.corner,
         workers=workers,
     )
-    if region is None:
-        scene = _in_frame(read_scene(sources), manifest, store.location)
-        _remember(store, sources, options)
-    else:
-        same = _paths(sources) == order.sources
-        scene = _changed(store, manifest, sources, region, same, progress)
-        if not same:
-            store.put(_ORDER_KEY, msgspec.json.encode(msgspec.structs.replace(order, changed=True)))
-    result = bake(scene, store, options, progress)
+    with store.writing():
+        if region is None:
+            scene = _in_frame(read_scene(sources), manifest, store.location)
+            _remember(store, sources, options)
+        else:
+            same = _paths(sources) == order.sources
+            scene = _changed(store, manifest, sources, region, same, progress)
+            if not same:
+                store.put(_ORDER_KEY, msgspec.json.encode(msgspec.structs.replace(order, changed=True)))
+        result = bake_held(scene, store, options, progress)
     return {
         "world": str(place),
         "cells_rebuilt": result.cells_rebuilt,
@@ -190,9 +192,9 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         refuse_split(store)
         with store.writing():
             forget(World.open(store), [fault.key for fault in found.faults])
-        if stored:
-            bake(stored.scene, store, order.options, progress)
-        else:
+            if stored:
+                bake_held(stored.scene, store, order.options, progress)
+        if not stored:
             bake_sources(sources, place, order.options, progress)
         found = verify_world(World.open(store), progress)
     return found

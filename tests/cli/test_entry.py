@@ -137,7 +137,8 @@ def test_whoever_stops_reading_is_left_in_peace() -> None:
     assert process.returncode in (0, 1)
 
 
-def test_ctrl_c_is_one_line() -> None:
+@pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_and_sigterm_are_one_line(signalled: signal.Signals) -> None:
     # A shell's background jobs, and what they start, begin with the signal ignored.
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -149,7 +150,7 @@ def test_ctrl_c_is_one_line() -> None:
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None
         process.stdout.readline()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signalled)
         assert process.stderr is not None
         assert process.stderr.read() == b"farfield: interrupted\n"
     assert process.returncode == 130

@@ -17,9 +17,10 @@ from e2e.browsing import Visit, psnr
 from e2e.conftest import OPTIONS
 from e2e.world import town
 from farfield.bake.bake import bake
+from farfield.pipeline import copy_place
 from farfield.scene.model import Scene
 from farfield.serve.run import ServeOptions, serving
-from farfield.store import DirectoryStore
+from farfield.store import DirectoryStore, open_store
 from farfield.world.garbage import drop_garbage
 
 EYE, TARGET = (-40.0, -42.0, 30.0), (0.0, 0.0, 0.0)
@@ -165,6 +166,50 @@ def test_another_grid_is_opened_in_place(copy: DirectoryStore, live: str, visit:
     fresh.options(nearRadius=0, supersampling=1)
     fresh.look(EYE, TARGET)
     assert psnr(page.picture(), fresh.picture()) > 50
+
+
+def test_a_world_baked_from_nothing_at_the_same_address(
+    copy: DirectoryStore, live: str, visit: Callable[..., Visit], tmp_path: Path
+) -> None:
+    """It has generation 1 again: the page goes by what the manifest says."""
+    page = visit(live)
+    page.options(nearRadius=0, supersampling=1)
+    page.look(EYE, TARGET)
+    before = page.picture()
+    page.do(WATCH)
+    result = bake(moved_house(), DirectoryStore(tmp_path / "anew"), OPTIONS)
+    assert result.manifest.generation == 1
+    Path(copy.location).rename(tmp_path / "old")
+    (tmp_path / "anew").rename(copy.location)
+    page.page.wait_for_function("window.switched !== null", polling=20, timeout=20_000)
+    page.complete()
+    assert page.stats()["generation"] == 1
+    assert page.stats()["tiles_missing"] == 0
+    fresh = visit(live)
+    fresh.options(nearRadius=0, supersampling=1)
+    fresh.look(EYE, TARGET)
+    assert psnr(page.picture(), fresh.picture()) > 50
+    assert psnr(page.picture(), before) < 40, "the house is elsewhere"
+
+
+def test_an_archive_that_is_replaced_while_it_is_served(
+    world: DirectoryStore, visit: Callable[..., Visit], tmp_path: Path
+) -> None:
+    copy_place(world.location, tmp_path / "town.farfield")
+    bake(moved_house(), DirectoryStore(tmp_path / "anew"), OPTIONS)
+    copy_place(tmp_path / "anew", tmp_path / "anew.farfield")
+    with serving(open_store(tmp_path / "town.farfield"), ServeOptions(port=0)) as url:
+        page = visit(url)
+        page.options(nearRadius=0, supersampling=1)
+        page.look(EYE, TARGET)
+        before = page.picture()
+        page.do(WATCH)
+        (tmp_path / "anew.farfield").replace(tmp_path / "town.farfield")
+        page.page.wait_for_function("window.switched !== null", polling=20, timeout=20_000)
+        page.complete()
+        assert page.stats()["tiles_missing"] == 0
+        assert psnr(page.picture(), before) < 40
+        page.leave()
 
 
 def test_without_events_what_is_missing_leads_to_the_newer_generation(

@@ -13,8 +13,9 @@ from PIL import Image
 from farfield.represent.orthoview.quality import quality
 from farfield.represent.orthoview.tile import encode_tile
 from farfield.world.manifest import KEY
+from fuzz.apart import Apart
 from fuzz.decoders import decoders, golden
-from fuzz.judge import Outcome, judge, watched
+from fuzz.judge import Outcome
 from fuzz.shells import GLB_BODY, GLB_JSON, INDEX_TEXT
 from represent.random_layers import random_layer
 
@@ -112,8 +113,7 @@ VALUES = {f"{decoder}: {what}": (decoder, value) for decoder, what, value in val
 
 
 @pytest.mark.parametrize("name", VALUES)
-def test_memory_stays_within_its_bound(name: str) -> None:
+def test_memory_stays_within_its_bound(apart: Apart, name: str) -> None:
     decoder, value = VALUES[name]
-    with watched():
-        found = judge(decoders()[decoder], value, seconds=20.0)
+    found = apart.judge(decoder, value, seconds=20.0)
     assert isinstance(found, Outcome), str(found)

@@ -7,20 +7,16 @@ import os
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from farfield.errors import CorruptTileError
+from fuzz.apart import Apart
 from fuzz.decoders import DECODERS, decoders
-from fuzz.judge import Fault, Outcome, case, judge, watched
-from fuzz.table import Decoder
+from fuzz.judge import Fault, Outcome, case
 
 NAMES = [make.__name__.removeprefix("_") for make in DECODERS]
 SAMPLE = 200
@@ -29,46 +25,45 @@ CASES = 100_000
 """Of all of them together, of those marked slow."""
 
 
-def tried(decoder: Decoder, data: bytes) -> Outcome:
-    with watched():
-        found = judge(decoder, data)
+def tried(apart: Apart, decoder: str, data: bytes) -> Outcome:
+    found = apart.judge(decoder, data)
     assert isinstance(found, Outcome), str(found)
     return found
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_sample(name: str) -> None:
+def test_a_sample(apart: Apart, name: str) -> None:
     decoder = decoders()[name]
     found: Counter[bool] = Counter()
     for number in range(SAMPLE):
-        found[tried(decoder, case(decoder, Random(f"{name} {number}"))).read] += 1
+        found[tried(apart, name, case(decoder, Random(f"{name} {number}"))).read] += 1
     # Damage that is never read only ever meets the first check.
     assert found[True] > SAMPLE / 50
     assert found[False] > SAMPLE / 5
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_valid_values_are_read(name: str) -> None:
+def test_valid_values_are_read(apart: Apart, name: str) -> None:
     decoder = decoders()[name]
     # A record is read as that of one cell: the others are refused.
     corpus = decoder.corpus[:1] if name == "record" else decoder.corpus
     for value in corpus:
-        assert tried(decoder, value).read
+        assert tried(apart, name, value).read
         for shell in decoder.shells:
             part = shell.open(value)
-            assert part is None or tried(decoder, shell.close(value, part)).read, shell.name
+            assert part is None or tried(apart, name, shell.close(value, part)).read, shell.name
 
 
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
-def test_any_bytes(name: str, data: st.DataObject) -> None:
+def test_any_bytes(apart: Apart, name: str, data: st.DataObject) -> None:
     decoder = decoders()[name]
     value, shell = data.draw(st.sampled_from(decoder.corpus)), data.draw(st.sampled_from(decoder.shells))
     part = data.draw(st.binary(max_size=300))
-    tried(decoder, part if shell.open(value) is None else shell.close(value, part))
+    tried(apart, name, part if shell.open(value) is None else shell.close(value, part))
     at = data.draw(st.integers(0, len(value)))
-    tried(decoder, value[:at] + part)
+    tried(apart, name, value[:at] + part)
 
 
 NODES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
@@ -78,7 +73,7 @@ TREES = st.recursive(NODES, lambda node: st.lists(node, max_size=4) | st.diction
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())
-def test_any_json(name: str, data: st.DataObject) -> None:
+def test_any_json(apart: Apart, name: str, data: st.DataObject) -> None:
     """One member of a document, replaced by whatever JSON can say."""
     decoder = decoders()[name]
     shell = next((shell for shell in decoder.shells if shell.json), None)
@@ -92,7 +87,7 @@ def test_any_json(name: str, data: st.DataObject) -> None:
             place[key] = data.draw(TREES)
             break
         place = place[key]
-    tried(decoder, shell.close(decoder.corpus[0], json.dumps(document).encode()))
+    tried(apart, name, shell.close(decoder.corpus[0], json.dumps(document).encode()))
 
 
 @pytest.mark.slow
@@ -113,32 +108,19 @@ def test_at_length(tmp_path: Path) -> None:
     print(report)
 
 
-def forever(_: bytes) -> None:
-    while True:
-        pass
-
-
-def refuses(_: bytes) -> None:
-    raise CorruptTileError("damaged")
-
-
-def fails(_: bytes) -> None:
-    raise IndexError("out of range")
-
-
-def devours(_: bytes) -> bytes:
-    return bytes(10_000_000)
-
-
 @pytest.mark.parametrize(
-    ("decode", "says"),
-    [(forever, "not done"), (fails, "raises IndexError"), (devours, "allocates 100000"), (refuses, None), (len, None)],
+    ("faulty", "says"),
+    [
+        ("hangs", "not done"),
+        ("fails", "raises IndexError"),
+        ("devours", "allocates 100000"),
+        ("unusable", "raises IndexError"),
+        ("dies", "ends the process"),
+    ],
 )
-def test_the_judge(decode: Callable[[bytes], Any], says: str | None) -> None:
-    """It finds what it is there to find."""
-    decoder = Decoder("made up", decode, (b"",), (), lambda data: 1_000_000)
-    with watched():
-        found = judge(decoder, b"", seconds=0.2)
-        unusable = judge(replace(decoder, decode=len, use=lambda _: fails(b"")), b"")
-    assert isinstance(found, Outcome) if says is None else isinstance(found, Fault) and says in found.what
-    assert isinstance(unusable, Fault)
+def test_the_judge_finds_what_it_is_there_to_find(apart: Apart, faulty: str, says: str) -> None:
+    found = apart.judge(faulty, b"", seconds=0.2)
+    assert isinstance(found, Fault)
+    assert says in found.what
+    assert apart.judge("reads", b"").read  # type: ignore[union-attr]
+    assert not apart.judge("refuses", b"").read  # type: ignore[union-attr]

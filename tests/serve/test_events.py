@@ -1,4 +1,4 @@
-"""Server-sent events: every new generation, to many, slow and vanishing clients, and a clean end."""
+"""Server-sent events: every new manifest, to many, slow and vanishing clients, and a clean end."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
+from typing import Any
 from urllib.parse import urlsplit
 
 import httpx2 as httpx
@@ -18,6 +19,7 @@ import pytest
 from farfield.serve import events, watch
 from farfield.serve.events import GenerationFeed
 from farfield.serve.run import ServeOptions, serving
+from farfield.serve.served import Served
 from farfield.serve.watch import ManifestWatch
 from farfield.store import CachedStore, DirectoryStore, MemoryStore, Store
 from farfield.world.manifest import KEY, decode_manifest, encode_manifest
@@ -40,12 +42,17 @@ def listening(url: str) -> Iterator[Iterator[str]]:
         yield answer.iter_lines()
 
 
-def next_generation(lines: Iterator[str]) -> int:
+def next_event(lines: Iterator[str]) -> dict[str, Any]:
     for line in lines:
         if line.startswith("data: "):
-            found: int = json.loads(line[6:])["generation"]
+            found: dict[str, Any] = json.loads(line[6:])
             return found
     raise AssertionError("the stream has ended")
+
+
+def next_generation(lines: Iterator[str]) -> int:
+    found: int = next_event(lines)["generation"]
+    return found
 
 
 @pytest.fixture
@@ -68,6 +75,36 @@ def test_tells_the_generation_and_every_new_one(url: str, real_world: Store) -> 
     publish(real_world, 8)
     with listening(url) as lines:
         assert next_generation(lines) == 8, "what happened while nobody listened"
+
+
+def test_a_world_baked_from_nothing_is_another_of_the_same_generation(url: str, real_world: Store) -> None:
+    manifest = decode_manifest(real_world.get(KEY), "")
+    with listening(url) as lines:
+        events = [next_event(lines)]
+        for name in ("second", "third"):
+            real_world.put(KEY, encode_manifest(msgspec.structs.replace(manifest, name=name)))
+            events.append(next_event(lines))
+            assert (
+                httpx.get(url + "world.json").headers["etag"].removesuffix('-gz"').strip('"') == events[-1]["manifest"]
+            )
+    assert [event["generation"] for event in events] == [1, 1, 1]
+    assert len({event["manifest"] for event in events}) == 3
+
+
+def test_a_world_that_is_gone_for_a_while_is_complained_of_once(
+    url: str, real_world: Store, caplog: pytest.LogCaptureFixture
+) -> None:
+    with listening(url) as lines:
+        assert next_generation(lines) == 1
+        manifest = real_world.get(KEY)
+        real_world.delete(KEY)
+        time.sleep(4 * watch.FILE_SECONDS)
+        real_world.put(KEY, manifest)
+        publish(real_world, 2)
+        assert next_generation(lines) == 2
+    assert [record.getMessage() for record in caplog.records if "nothing is stored" in record.getMessage()] == [
+        f"{real_world.location}: {KEY}: nothing is stored there"
+    ]
 
 
 def test_a_manifest_that_cannot_be_read_is_no_news(url: str, real_world: Store) -> None:
@@ -138,7 +175,7 @@ def test_the_server_ends_at_once_while_somebody_listens(real_world: Store) -> No
 
 def test_a_busy_listener_hears_the_newest_only_and_nobody_looks_for_nobody(real_world: Store) -> None:
     async def hear() -> list[bytes]:
-        feed = GenerationFeed(real_world)
+        feed = GenerationFeed(Served(real_world))
         assert feed.join()
         lines = feed.lines()
         heard = [await anext(lines), await anext(lines)]
@@ -156,8 +193,11 @@ def test_a_busy_listener_hears_the_newest_only_and_nobody_looks_for_nobody(real_
     with ThreadPoolExecutor(1) as thread:
         retry, first, last = thread.submit(asyncio.run, hear()).result()
     assert retry == b"retry: %d\n\n" % events.RETRY_MS
-    assert first == b'id: 1\nevent: generation\ndata: {"generation": 1}\n\n'
-    assert last == b'id: 3\nevent: generation\ndata: {"generation": 3}\n\n'
+    for generation, event in ((1, first), (3, last)):
+        number, kind, data, *rest = event.decode().split("\n")
+        assert (kind, rest) == ("event: generation", ["", ""])
+        facts = json.loads(data.removeprefix("data: "))
+        assert facts == {"generation": generation, "manifest": number.removeprefix("id: ")}
 
 
 def test_looks_at_a_folder_by_its_file_and_at_others_by_their_bytes(
@@ -168,15 +208,17 @@ def test_looks_at_a_folder_by_its_file_and_at_others_by_their_bytes(
     cached = CachedStore(far, frozenset({KEY}))
     for world, writer in ((real_world, real_world), (far, far), (cached, far)):
         publish(writer, 1)
-        seen = ManifestWatch(world)
-        assert [seen.look(), seen.look()] == [1, None]
+        seen = ManifestWatch(Served(world))
+        first, again = seen.look(), seen.look()
+        assert (first and first.generation, again) == (1, None)
         publish(writer, 2)
-        assert [seen.look(), seen.look()] == [2, None]
+        second, again = seen.look(), seen.look()
+        assert (second and second.generation, again) == (2, None)
         seen.forget()
-        assert seen.look() == 2
-    assert ManifestWatch(real_world).pause_seconds == watch.FOLDER_SECONDS < ManifestWatch(cached).pause_seconds
+        assert seen.look() == second
+    folder, bucket = ManifestWatch(Served(real_world)), ManifestWatch(Served(cached))
+    assert folder.pause_seconds == watch.FILE_SECONDS < bucket.pause_seconds
 
-    folder = ManifestWatch(real_world)
     folder.look()
     monkeypatch.setattr(DirectoryStore, "get", lambda *_: pytest.fail("read although nothing has changed"))
     assert folder.look() is None

@@ -205,7 +205,8 @@ def _command(world: Store, *options: str) -> subprocess.Popen[str]:
     )
 
 
-def test_the_command_serves_until_interrupted(real_world: Store) -> None:
+@pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_serves_until_interrupted(real_world: Store, signalled: signal.Signals) -> None:
     with _command(real_world, "--port", "0", "--open", "--json") as process:
         assert process.stdout is not None
         url = json.loads(process.stdout.readline())["url"]
@@ -215,7 +216,7 @@ def test_the_command_serves_until_interrupted(real_world: Store) -> None:
         connection.request("GET", "/world.json")
         assert connection.getresponse().read() == real_world.get("world.json")
         began = time.monotonic()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signalled)
         rest, complaints = process.communicate(timeout=10)
         assert time.monotonic() - began < 3
     assert (process.returncode, rest, complaints) == (0, "", "")

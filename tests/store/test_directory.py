@@ -51,6 +51,16 @@ def test_a_failing_disk_says_what_where_and_what_to_try(
     assert list((tmp_path / INCOMING).iterdir()) == []
 
 
+def test_an_interrupted_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        DirectoryStore(tmp_path).put("a", b"lost")
+    assert list((tmp_path / INCOMING).iterdir()) == []
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_really_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import builtins

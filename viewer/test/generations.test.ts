@@ -7,10 +7,12 @@ import { crc32 } from "../src/core/crc32.js";
 import { Follower } from "../src/core/follower.js";
 import { Grid } from "../src/core/grid.js";
 import type { CellEntry } from "../src/core/indextile.js";
-import { sameFrame, type Manifest } from "../src/core/manifest.js";
+import { tagIn } from "../src/core/fetch.js";
+import { decodeManifest, sameFrame, type Manifest } from "../src/core/manifest.js";
 import { Server, Servers } from "../src/core/servers.js";
 import type { Source } from "../src/core/source.js";
 import { WorldIndex } from "../src/core/world.js";
+import { Generations } from "../src/three/generations.js";
 import { GRID, hold, MANIFEST, tilesOf, VIEWS } from "./worlds.js";
 
 /** Hash of the tiles of each leaf `x y`; those not in it are not there. */
@@ -76,7 +78,7 @@ function makeServer() {
   const asked: string[] = [];
   const values = new Map<string, Uint8Array>();
   const source: Source = {
-    base: "", bytes: 0, requests: 0, batchKeys: 10, events: null,
+    base: "", bytes: 0, requests: 0, batchKeys: 10, events: null, tag: null,
     manifest: () => Promise.reject(new Error("unused")),
     knock: () => Promise.resolve(),
     get: () => Promise.reject(new Error("unused")),
@@ -216,31 +218,35 @@ class FakeStream extends EventTarget {
   }
 }
 
+const page = Object.assign(new EventTarget(), { hidden: false });
+
+/** As in a browser: a page in sight, and streams of events. */
+function inBrowser(): void {
+  beforeEach(() => {
+    FakeStream.made = [];
+    page.hidden = false;
+    vi.stubGlobal("EventSource", FakeStream);
+    vi.stubGlobal("document", page);
+  });
+  afterEach(() => void vi.unstubAllGlobals());
+}
+
 describe("Follower", () => {
-  const page = Object.assign(new EventTarget(), { hidden: false });
+  inBrowser();
   const show = (shown: boolean): void => {
     page.hidden = !shown;
     page.dispatchEvent(new Event("visibilitychange"));
   };
 
-  beforeEach(() => {
-    FakeStream.made = [];
-    page.hidden = false;
-    vi.useFakeTimers();
-    vi.stubGlobal("EventSource", FakeStream);
-    vi.stubGlobal("document", page);
-  });
-  afterEach(() => {
-    vi.useRealTimers();
-    vi.unstubAllGlobals();
-  });
+  beforeEach(() => void vi.useFakeTimers());
+  afterEach(() => void vi.useRealTimers());
 
-  it("hears generations and nothing else", () => {
-    const heard: number[] = [];
-    const follower = new Follower(new URL("http://world.test/events"), (number) => void heard.push(number));
+  it("hears of manifests and nothing else", () => {
+    const heard: string[] = [];
+    const follower = new Follower(new URL("http://world.test/events"), (tag) => void heard.push(tag));
     const [stream] = FakeStream.made;
-    for (const text of ['{"generation": 3}', "{", "null", '{"generation": "4"}', '{"generation": 5, "more": 1}']) stream!.say(text);
-    expect(heard).toEqual([3, 5]);
+    for (const text of ['{"manifest": "a"}', "{", "null", '{"generation": 4}', '{"manifest": 5}', '{"generation": 1, "manifest": "b"}']) stream!.say(text);
+    expect(heard).toEqual(["a", "b"]);
     follower.close();
     expect(stream!.readyState).toBe(2);
     show(true);
@@ -267,5 +273,50 @@ describe("Follower", () => {
     vi.advanceTimersByTime(2000);
     expect(FakeStream.made).toHaveLength(2);
     follower.close();
+  });
+});
+
+describe("Generations", () => {
+  inBrowser();
+  const textOf = (name: string): string => JSON.stringify({
+    format: "farfield-world", version: 1, generation: 1, name, bounds: [[0, 0, 0], [1, 1, 1]], directions: [],
+    grid: { leaf_size: 1, resolution: 16, corner: [0, 0, 0], axis_levels: [0, 0, 0] },
+  });
+
+  it("reads the manifest that is told of and not known, and finds one that differs, whatever its number", async () => {
+    let [text, tag, reads] = [textOf("first"), "a", 0];
+    const source = {
+      base: "http://world.test/", bytes: 0, requests: 0, batchKeys: 10, events: new URL("http://world.test/events"),
+      get tag() { return tag; },
+      manifest: () => Promise.resolve((reads++, text)),
+      get: () => Promise.reject(new Error("unused")),
+      getMany: () => Promise.reject(new Error("unused")),
+    } satisfies Source;
+    let newest = decodeManifest(text, "");
+    const found: string[] = [];
+    const generations = new Generations({
+      source, backoff: new Backoff(() => 0, () => undefined), signal: new AbortController().signal, newest: () => newest,
+      found: (manifest) => found.push((newest = manifest).name), unreadable: () => expect.unreachable(),
+    });
+    const hear = async (manifest: string): Promise<void> => {
+      FakeStream.made[0]!.say(JSON.stringify({ generation: 1, manifest }));
+      await new Promise((resolve) => setTimeout(resolve));
+    };
+    await hear("a");
+    expect([reads, found]).toEqual([0, []]);
+    await hear("b");
+    expect([reads, found]).toEqual([1, []]);
+    [text, tag] = [textOf("baked from nothing"), "c"];
+    await hear("d");
+    expect([reads, found]).toEqual([2, ["baked from nothing"]]);
+    generations.close();
+  });
+});
+
+describe("tagIn", () => {
+  it("reads the ETags of farfield serve, and no others", () => {
+    const tag = "0123456789abcdef";
+    expect([`"${tag}"`, `"${tag}-gz"`, `W/"${tag}"`, `W/"${tag}-gz"`].map(tagIn)).toEqual([tag, tag, tag, tag]);
+    expect([null, "", tag, `"${tag}-br"`, '"5f3-62"', '""'].map(tagIn)).toEqual([null, null, null, null, null, null]);
   });
 });

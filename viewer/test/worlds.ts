@@ -25,7 +25,7 @@ export const DIRECTIONS: ReadonlyMap<number, Direction> = new Map(
 );
 
 export const MANIFEST: Manifest = {
-  generation: 1, name: "test", crs: null, origin: [0, 0, 0],
+  text: "", generation: 1, name: "test", crs: null, origin: [0, 0, 0],
   bounds: { lower: [0, 0, 0], upper: [4, 4, 1] },
   grid: GRID, directions: DIRECTIONS, depthLayers: 1, indexDepth: 4, roots: [], credits: [], view: null, servers: null,
 };

@@ -60,24 +60,28 @@ def bake(
     Raises InputError when nothing in the scene can be baked, StoreError when the store fails or another bake is
     writing to it, WorldError when workers die (ClusterError for anything that is wrong with a cluster).
     """
-    options, progress = options or BakeOptions(), progress or NoProgress()
+    with store.writing():
+        return bake_held(scene, store, options or BakeOptions(), progress or NoProgress())
+
+
+def bake_held(scene: Scene, store: Store, options: BakeOptions, progress: Progress) -> BakeResult:
+    """`bake` for whoever holds `store.writing()`, and has more to write."""
     begun = time.monotonic()
     for warning in scene.warnings:
         progress.note(warning)
-    with store.writing():
-        scene = partition(scene, store, progress)
-        known = _known(store, scene)
-        with crew_of(scene, store, _workers(options), options.scheduler) as crew:
-            summaries = survey(known, crew.survey, progress)
-            write_scene(store, scene, summaries, BAKE_VERSION)
-            plan = make_plan(scene, summaries, options)
-            progress.note(_choices(plan))
-            scene = _numbered(scene, summaries, plan)
-            job = BakeJob(scene, summaries, plan, options, options.signature(plan.grid))
-            tree = bake_tree(job, crew, progress)
-        if not tree.roots:
-            raise InputError("nothing to bake: no triangle lies in any cell")
-        manifest = _write_manifest(store, _manifest(job, store, tree))
+    scene = partition(scene, store, progress)
+    known = _known(store, scene)
+    with crew_of(scene, store, _workers(options), options.scheduler) as crew:
+        summaries = survey(known, crew.survey, progress)
+        write_scene(store, scene, summaries, BAKE_VERSION)
+        plan = make_plan(scene, summaries, options)
+        progress.note(_choices(plan))
+        scene = _numbered(scene, summaries, plan)
+        job = BakeJob(scene, summaries, plan, options, options.signature(plan.grid))
+        tree = bake_tree(job, crew, progress)
+    if not tree.roots:
+        raise InputError("nothing to bake: no triangle lies in any cell")
+    manifest = _write_manifest(store, _manifest(job, store, tree))
     return BakeResult(manifest, time.monotonic() - begun, tree.rebuilt)
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 import tempfile
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Protocol
+from types import FrameType
+from typing import Any, Protocol
 
 from farfield.bake.context import BakeJob
 from farfield.bake.survey import Surveyed
@@ -57,7 +60,7 @@ class Crew(Protocol):
 
 @contextmanager
 def crew_of(scene: Scene, store: Store, workers: int, scheduler: str = "") -> Iterator[Crew]:
-    """The crew for a number of workers; 1: this process. At the end it finishes what it has begun, and goes.
+    """The crew for a number of workers; 1: this process. When the block fails, what they have in hand is dropped.
 
     scheduler: address of a Dask scheduler, whose workers do the work instead. Raises MissingExtraError, and what
     `bake.cluster.cluster_at` raises.
@@ -88,8 +91,44 @@ def _processes(scene: Scene, store: Store, workers: int) -> Iterator[Crew]:
             yield crew
         except BrokenProcessPool:
             raise WorldError("a worker process was killed", "", _LOST) from None
+        except BaseException:
+            crew.drop()
+            raise
         finally:
             crew.dismiss()
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """While processes are started. They never hear Ctrl-C, which a terminal tells to all: this one answers for them.
+
+    Here Ctrl-C and SIGTERM wait for the end, for a process that is only half started complains of it. Blocking them
+    is not enough: a thread of some library takes the signal, and Python still interrupts the main one.
+    """
+    heard: list[int] = []
+    handlers = _interrupting_handlers()
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    for number in handlers:
+        signal.signal(number, lambda number, _: heard.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+    for late in heard:
+        signal.raise_signal(late)
+
+
+def _interrupting_handlers() -> dict[int, Callable[[int, FrameType | None], Any]]:
+    """What Ctrl-C and SIGTERM call; only the main thread is interrupted."""
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            handler = signal.getsignal(number)
+            if callable(handler):
+                handlers[int(number)] = handler
+    return handlers
 
 
 def meshes_at_once(count: int, size: int) -> int:
@@ -136,6 +175,8 @@ class Processes:
         self._scene = scene
         self._store = store
         self._job = job
+        self._spawn = multiprocessing.get_context("spawn")
+        self._lifeline, self._held_end = self._spawn.Pipe(duplex=False)
         self._alone: Alone | None = Alone(scene, store, threads=size)
         self._pool: ProcessPoolExecutor | None = None
         self._pending: set[Future[Outcome]] = set()
@@ -145,7 +186,8 @@ class Processes:
         if len(meshes) <= _FEW_MESHES * self.size and self._alone is not None:
             return self._alone.survey(meshes)
         pool = self._started()
-        return pool.map(survey_here, meshes, chunksize=meshes_at_once(len(meshes), self.size))
+        with _starting():
+            return pool.map(survey_here, meshes, chunksize=meshes_at_once(len(meshes), self.size))
 
     def begin(self, job: BakeJob) -> None:
         """See `Crew.begin`. A few leaves are baked here, in threads, before processes would have begun."""
@@ -161,7 +203,8 @@ class Processes:
         if self._alone is not None:
             self._alone.give(branch)
         else:
-            self._pending.add(self._started().submit(bake_here, self._job, branch))
+            with _starting():
+                self._pending.add(self._started().submit(bake_here, self._job, branch))
 
     def done(self) -> Iterator[Outcome]:
         """See `Crew.done`."""
@@ -172,16 +215,24 @@ class Processes:
             outcomes: Sequence[Outcome] = [future.result() for future in finished]
             yield from outcomes
 
+    def drop(self) -> None:
+        """The processes end at once, as if they were killed: a branch may take minutes, and nobody wants it now."""
+        self._held_end.close()
+
     def dismiss(self) -> None:
-        """Ends the processes; what is begun is finished, the rest forgotten."""
+        """Ends the processes and waits for that."""
         if self._pool is not None:
             self._pool.shutdown(wait=True, cancel_futures=True)
+        self._held_end.close()
+        self._lifeline.close()
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._alone = None
-            spawn = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(
-                self.size, spawn, initializer=begin_worker, initargs=(self._scene, self._store)
+                self.size,
+                self._spawn,
+                initializer=begin_worker,
+                initargs=(self._scene, self._store, self._lifeline),
             )
         return self._pool

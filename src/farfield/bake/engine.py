@@ -13,7 +13,7 @@ from farfield.bake.context import BakeJob
 from farfield.bake.crew import Crew
 from farfield.bake.estimate import Estimate, estimate, sample_of
 from farfield.bake.walk import Children
-from farfield.bake.worker import Branch
+from farfield.bake.worker import Branch, Outcome
 from farfield.octree.grid import CellKey, Grid
 from farfield.progress import Progress
 
@@ -65,29 +65,31 @@ def tree_of(grid: Grid, leaves: list[CellKey]) -> tuple[list[CellKey], Children]
 
 
 def _begin_with_sample(job: BakeJob, crew: Crew, children: Children, progress: Progress) -> int:
-    """Bakes a few leaves and says what they let expect; how many were baked afresh. They are found finished later."""
-    plan = job.plan
-    sample, leaves = sample_of(plan), plan.keys()
-    progress.start(len(sample) or None, "leaf cells baked to estimate the rest")
-    for position in sample:
-        crew.give(Branch(leaves[position], {}))
-    outcomes = []
+    """Bakes a few families and says what they let expect; how many cells were baked afresh. All find them finished."""
+    leaves = [leaf for family in sample_of(job.plan, children, crew.size) for leaf in children[family]]
+    progress.start(len(leaves) or None, "leaf cells baked to estimate the rest")
+    for leaf in leaves:
+        crew.give(Branch(leaf, {}))
+    outcomes: list[Outcome] = []
+    finished: dict[CellKey, BakedCell | None] = {}
     for outcome in crew.done():
         outcomes.append(outcome)
-        progress.advance()
+        finished[outcome.key] = outcome.cell
+        progress.advance(outcome.leaves)
+        if outcome.key.level == 0:
+            _give_parent(crew, job.plan.grid.parent(outcome.key), children, finished)
     progress.finish()
-    expected = estimate(plan, len(children), outcomes, crew.size)
+    expected = estimate(job, children, outcomes, crew.size) if outcomes else None
     if expected is not None:
         progress.note(_in_words(expected))
-    return sum(outcome.cell.tally.rebuilt for outcome in outcomes if outcome.cell is not None)
+    return sum(o.cell.tally.rebuilt for o in outcomes if o.key.level == 1 and o.cell is not None)
 
 
 def _in_words(expected: Estimate) -> str:
     minutes = expected.seconds / 60
     time = f"{minutes:,.0f} minutes" if minutes >= 2 else f"{expected.seconds:.0f} s"
     return (
-        f"to expect: about {expected.cells:,} cells, {expected.tiles:,} tiles, {expected.bytes / 1e6:,.0f} MB "
-        f"without shared meshes, {time}"
+        f"to expect: about {expected.cells:,} cells, {expected.tiles:,} tiles, {expected.bytes / 1e6:,.0f} MB, {time}"
     )
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import pickle
 import threading
 import time
 from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from farfield.bake.cell import BakedCell
@@ -133,20 +133,18 @@ _worker: Worker | None = None
 _begun: Path | None = None
 
 
-def begin_worker(scene: Scene, store: Store) -> None:
-    """First thing in a worker process."""
+def begin_worker(scene: Scene, store: Store, lifeline: Connection) -> None:
+    """First thing in a worker process, which ends when the other end of `lifeline` is closed."""
     global _worker
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     _worker = Worker(scene, store)
 
 
-def _end_with_parent() -> None:
-    """Ends this process when the one that began it is gone: killed, it would leave workers waiting for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+def _end_with(lifeline: Connection) -> None:
+    """The system closes the other end when its process is killed, which would leave workers waiting for ever."""
+    lifeline.poll(None)
+    os._exit(1)
 
 
 def survey_here(mesh: int) -> Surveyed:

@@ -1,13 +1,17 @@
 """Runs a command and turns whatever happens into one line and an exit code.
 
-0: done. 1: failed, or whoever read the output stopped reading. 2: called wrongly. 130: interrupted.
+0: done. 1: failed, or whoever read the output stopped reading. 2: called wrongly. 130: interrupted, by Ctrl-C or by
+SIGTERM.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import typer
 
@@ -20,8 +24,26 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line `arguments` (default: those of the process) and return its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if TRACEBACK in given:
-        return _run([word for word in given if word != TRACEBACK])
+    with _termination_as_interrupt():
+        if TRACEBACK in given:
+            return _run([word for word in given if word != TRACEBACK])
+        return _answered(given)
+
+
+@contextmanager
+def _termination_as_interrupt() -> Iterator[None]:
+    """SIGTERM, by which systems end what runs, is taken as Ctrl-C: work is put down tidily, one line says so."""
+    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    if ours:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _answered(given: list[str]) -> int:
     try:
         return _run(given)
     except OptionError as error:

@@ -7,6 +7,7 @@ from collections.abc import MutableMapping
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
@@ -16,6 +17,7 @@ from farfield.errors import MissingKeyError, StoreError
 from farfield.serve.batch import batch_response
 from farfield.serve.events import GenerationFeed, events_response
 from farfield.serve.public import is_page_key, is_world_key
+from farfield.serve.served import Served
 from farfield.serve.throttle import Throttle
 from farfield.serve.values import value_response
 from farfield.store import Store
@@ -49,13 +51,14 @@ def create_app(world: Store, page: Store, *, bandwidth: float | None = None) -> 
     bandwidth: bytes a second over all answers together; None for no limit.
     """
 
-    feed = GenerationFeed(world)
+    served = Served(world)
+    feed = GenerationFeed(served)
 
     def value(request: Request) -> Response:
-        return _value(world, page, request)
+        return _value(served.now(), page, request)
 
     async def batch(request: Request) -> Response:
-        return await batch_response(world, request)
+        return await batch_response(await run_in_threadpool(served.now), request)
 
     async def events(request: Request) -> Response:
         return events_response(feed, request)

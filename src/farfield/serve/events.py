@@ -1,4 +1,4 @@
-"""Server-sent events (spec/http.md): who listens is told of every new generation of the world."""
+"""Server-sent events (spec/http.md): who listens is told of every new manifest of the world."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from starlette.responses import PlainTextResponse, Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from farfield.errors import FarfieldError
-from farfield.serve.watch import ManifestWatch
-from farfield.store import Store
+from farfield.serve.served import Served
+from farfield.serve.watch import Edition, ManifestWatch
 
 MEDIA_TYPE = "text/event-stream"
 
@@ -37,19 +37,20 @@ _log = logging.getLogger("farfield.serve")
 
 
 class GenerationFeed:
-    """The generation of a world, looked up by one task for all who listen, and by none while nobody does.
+    """The manifest of a world, looked up by one task for all who listen, and by none while nobody does.
 
-    Belongs to one event loop at a time. Nothing is queued: a listener that was busy hears the newest generation only.
+    Belongs to one event loop at a time. Nothing is queued: a listener that was busy hears of the newest only.
     """
 
     def __init__(
-        self, world: Store, *, max_listeners: int = MAX_LISTENERS, heartbeat_seconds: float = HEARTBEAT_SECONDS
+        self, world: Served, *, max_listeners: int = MAX_LISTENERS, heartbeat_seconds: float = HEARTBEAT_SECONDS
     ) -> None:
         self._watch = ManifestWatch(world)
         self._max_listeners = max_listeners
         self._heartbeat_seconds = heartbeat_seconds
         self._listeners = 0
-        self._generation: int | None = None
+        self._edition: Edition | None = None
+        self._complaint = ""
         self._changed = asyncio.Event()
         self._poller: asyncio.Task[None] | None = None
 
@@ -73,17 +74,17 @@ class GenerationFeed:
         self._listeners -= 1
         if self._listeners == 0 and self._poller is not None:
             self._poller.cancel()
-            self._poller = self._generation = None
+            self._poller = self._edition = None
             self._watch.forget()
 
     async def lines(self) -> AsyncIterator[bytes]:
-        """What one listener is sent: the generation as it is, then every new one, and comments between."""
+        """What one listener is sent: the manifest as it is, then every new one, and comments between."""
         yield b"retry: %d\n\n" % RETRY_MS
-        sent: int | None = None
+        sent: Edition | None = None
         while True:
-            if self._generation not in (None, sent):
-                sent = self._generation
-                yield b'id: %d\nevent: generation\ndata: {"generation": %d}\n\n' % (sent, sent)
+            if self._edition is not None and self._edition != sent:
+                sent = self._edition
+                yield _event(sent)
                 # Sending may have taken long: there may be a newer one by now.
                 continue
             heard = self._changed
@@ -95,17 +96,28 @@ class GenerationFeed:
 
     async def _poll(self) -> None:
         while True:
-            try:
-                generation = await run_in_threadpool(self._watch.look)
-            except FarfieldError as error:
-                # A world that cannot be read for a moment is no news; the next look tells.
-                _log.warning("%s", error)
-                generation = None
-            if generation not in (None, self._generation):
-                self._generation = generation
+            edition = await self._look()
+            if edition not in (None, self._edition):
+                self._edition = edition
                 self._changed.set()
                 self._changed = asyncio.Event()
             await asyncio.sleep(self._watch.pause_seconds)
+
+    async def _look(self) -> Edition | None:
+        """A world that cannot be read for a while is no news, and complained of once; a later look tells."""
+        try:
+            edition, complaint = await run_in_threadpool(self._watch.look), ""
+        except FarfieldError as error:
+            edition, complaint = None, str(error)
+        if complaint not in ("", self._complaint):
+            _log.warning("%s", complaint)
+        self._complaint = complaint
+        return edition
+
+
+def _event(edition: Edition) -> bytes:
+    facts = b'{"generation": %d, "manifest": "%s"}' % (edition.generation, edition.tag.encode())
+    return b"id: %s\nevent: generation\ndata: %s\n\n" % (edition.tag.encode(), facts)
 
 
 def events_response(feed: GenerationFeed, request: Request) -> Response:

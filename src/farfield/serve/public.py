@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from hashlib import blake2b
 
 from farfield.store.keys import is_key
 
@@ -33,6 +34,11 @@ _TYPES = {
 _FOLDER_TYPES = {"geometry": "model/gltf-binary", "mesh": "model/gltf-binary", "attributes": "application/json"}
 
 OCTETS = "application/octet-stream"
+
+
+def tag_of(value: bytes) -> str:
+    """16 hexadecimal digits that tell a value whose name has no hash from every other."""
+    return blake2b(value, digest_size=8).hexdigest()
 
 
 def is_permanent(key: str) -> bool:

@@ -6,12 +6,11 @@ import gzip
 import re
 from collections.abc import Iterator
 from functools import lru_cache
-from hashlib import blake2b
 
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
-from farfield.serve.public import MANIFEST, cache_control, content_type, is_permanent, is_text
+from farfield.serve.public import MANIFEST, cache_control, content_type, is_permanent, is_text, tag_of
 from farfield.store import Store
 
 CHUNK = 256 * 1024
@@ -39,7 +38,7 @@ def value_response(store: Store, key: str, request: Request) -> Response:
 def _small(body: bytes, key: str, request: Request) -> Response:
     """A value that is read as a whole: it is text, or its ETag has to be computed."""
     kind = content_type(key, body)
-    tag = blake2b(body, digest_size=8).hexdigest()
+    tag = tag_of(body)
     headers = _headers(key, f'"{tag}"') | ({"Vary": "Accept-Encoding"} if is_text(kind) else {})
     if _is_known(request, headers["ETag"]) or _is_known(request, f'"{tag}-gz"'):
         return Response(status_code=304, headers=headers)

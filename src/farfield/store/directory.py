@@ -32,6 +32,7 @@ _FOLDER_CONFLICT = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY}
 _HINTS = {
     errno.ENOSPC: "free some space; what is stored so far is kept",
     errno.EDQUOT: "free some space; what is stored so far is kept",
+    errno.EFBIG: "raise the limit of a file's size: ulimit -f",
     errno.EACCES: "check who may read and write there",
     errno.EPERM: "check who may read and write there",
     errno.EROFS: "the file system is mounted read-only; choose another folder",
@@ -91,11 +92,14 @@ class DirectoryStore:
             _write_through(incoming, data)
             _move_into_place(incoming, path)
         except OSError as error:
-            incoming.unlink(missing_ok=True)
             if error.errno in _FOLDER_CONFLICT:
                 where = f"{self._root}: {key}"
                 raise StoreError("a key cannot also be the folder of other keys", where) from error
             self._fail(error, key, "cannot be written")
+        finally:
+            # It is gone when all went well. Where nothing can be written, nothing can be removed either.
+            with suppress(OSError):
+                os.unlink(incoming)
 
     @contextmanager
     def writing(self) -> Iterator[None]:

@@ -13,6 +13,7 @@ export class Fetcher implements Source {
   /** Address of the batch request, when the server offers one. */
   private batch: string | null = null;
   events: URL | null = null;
+  tag: string | null = null;
   private readonly http = new Http();
   private readonly knocker = new Http(KNOCK_MS);
 
@@ -38,6 +39,7 @@ export class Fetcher implements Source {
   async manifest(signal: AbortSignal): Promise<string> {
     const { headers, bytes } = await this.request("world.json", signal, { cache: "no-cache" });
     this.learn(headers);
+    this.tag = tagIn(headers.get("ETag"));
     return new TextDecoder().decode(bytes);
   }
 
@@ -86,6 +88,11 @@ export class Fetcher implements Source {
 function offered(headers: Headers, name: string): string | null {
   const address = headers.get(name);
   return address && /^[a-z]+$/.test(address) ? address : null;
+}
+
+/** The tag that an ETag of `farfield serve` holds, compressed, weakened by a proxy or neither; null: it is another server's. */
+export function tagIn(etag: string | null): string | null {
+  return /^(?:W\/)?"([0-9a-f]{16})(?:-gz)?"$/.exec(etag ?? "")?.[1] ?? null;
 }
 
 /** The values in the answer to a batch request, as parts of it. Throws `network` when it is cut short. */

@@ -4,7 +4,7 @@ const REFUSED_MS = 30_000;
 /**
  * Hears of new generations by server-sent events (spec/http.md), while the page is in sight: a browser opens at most six
  * connections to a server, so that hidden pages that listen would leave none for tiles. Whoever begins to listen is told
- * the present generation, so nothing is missed.
+ * of the present manifest, so nothing is missed.
  */
 export class Follower {
   private stream: EventSource | null = null;
@@ -13,7 +13,8 @@ export class Follower {
 
   constructor(
     private readonly address: URL,
-    private readonly heard: (generation: number) => void,
+    /** Takes the tag of a manifest (`Source.tag`). */
+    private readonly heard: (tag: string) => void,
   ) {
     globalThis.document?.addEventListener("visibilitychange", this.looked);
     this.look();
@@ -34,8 +35,8 @@ export class Follower {
     const stream = new EventSource(this.address);
     this.stream = stream;
     stream.addEventListener("generation", ({ data }: MessageEvent<string>) => {
-      const generation = generationOf(data);
-      if (generation !== null) this.heard(generation);
+      const tag = tagOf(data);
+      if (tag !== null) this.heard(tag);
     });
     stream.addEventListener("error", () => {
       // 2 is CLOSED: the server has refused, and the browser does not try again.
@@ -52,10 +53,10 @@ export class Follower {
   }
 }
 
-function generationOf(text: string): number | null {
+function tagOf(text: string): string | null {
   try {
-    const { generation } = JSON.parse(text) as { generation?: unknown };
-    return typeof generation === "number" ? generation : null;
+    const { manifest } = JSON.parse(text) as { manifest?: unknown };
+    return typeof manifest === "string" ? manifest : null;
   } catch {
     return null;
   }

@@ -24,6 +24,8 @@ export interface View {
 
 /** What a world is and where its index starts (spec/world.md, Manifest). */
 export interface Manifest {
+  /** What it was read from; tells it from every other. */
+  readonly text: string;
   readonly generation: number;
   readonly name: string;
   readonly crs: string | null;
@@ -66,7 +68,7 @@ export function decodeManifest(text: string, where: string): Manifest {
   }
   try {
     if (version !== VERSION) throw new Error("without a version");
-    return read(head, where);
+    return read(head, text, where);
   } catch (error) {
     if (error instanceof FarfieldError && error.tag === "version") throw error;
     const what = `damaged manifest: ${error instanceof Error ? error.message : String(error)}`;
@@ -74,7 +76,7 @@ export function decodeManifest(text: string, where: string): Manifest {
   }
 }
 
-function read(head: Json, where: string): Manifest {
+function read(head: Json, text: string, where: string): Manifest {
   const grid = readGrid(object(head["grid"], "grid"));
   const bounds = boxOf(head["bounds"]);
   const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1 } = head;
@@ -83,6 +85,7 @@ function read(head: Json, where: string): Manifest {
   if (depthLayers !== 1 && depthLayers !== 2) throw new Error("depth_layers");
   if (!isCount(generation)) throw new Error("generation");
   return {
+    text,
     generation,
     name: String(head["name"] ?? ""),
     crs: typeof head["crs"] === "string" ? head["crs"] : null,

@@ -28,7 +28,7 @@ export class Generations {
   /** Begins to listen, where the server tells; the manifest has been read. */
   constructor(private readonly parts: GenerationParts) {
     const { events } = parts.home.source;
-    this.follower = events && "EventSource" in globalThis ? new Follower(events, (number) => void this.heard(number)) : null;
+    this.follower = events && "EventSource" in globalThis ? new Follower(events, (tag) => void this.heard(tag)) : null;
   }
 
   /** Whether the manifest is being read again. */
@@ -36,7 +36,7 @@ export class Generations {
     return this.looking !== null;
   }
 
-  /** Reads the manifest again; gives whether it is another generation's. */
+  /** Reads the manifest again; gives whether it is another. A world baked from nothing begins with generation 1 again. */
   look(): Promise<boolean> {
     this.looking ??= this.read().finally(() => (this.looking = null));
     return this.looking;
@@ -54,10 +54,10 @@ export class Generations {
     this.follower?.close();
   }
 
-  private async heard(generation: number): Promise<void> {
+  private async heard(tag: string): Promise<void> {
     // A reading that is under way may have begun before.
     await this.looking;
-    if (generation !== this.parts.newest()?.generation) await this.look();
+    if (tag !== this.parts.home.source.tag) await this.look();
   }
 
   /** A manifest that cannot be read leaves the picture as it is. */
@@ -67,7 +67,7 @@ export class Generations {
     try {
       const manifest = await openManifest(source, backoff, signal);
       this.lookedAt = performance.now();
-      if (signal.aborted || manifest.generation === newest()?.generation) return false;
+      if (signal.aborted || manifest.text === newest()?.text) return false;
       found(manifest);
       return true;
     } catch (thrown) {

@@ -31,11 +31,27 @@ KEPT_DIRECTORIES = 64
 
 Directory = dict[str, Span]
 
+Identity = tuple[int, int, int, int]
+"""Device, inode, nanoseconds of the last change and bytes of a file: whoever replaces or changes it gives it others."""
+
+
+def identity_at(path: str | os.PathLike[str]) -> Identity | None:
+    """The identity of what is at a path; None: nothing that can be looked at."""
+    try:
+        return _identity(os.stat(path))
+    except OSError:
+        return None
+
+
+def _identity(found: os.stat_result) -> Identity:
+    return found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size
+
 
 class ArchiveStore:
-    """Keeps the reading half of the contract of `Store` with one file, which must not change while it is open.
+    """Keeps the reading half of the contract of `Store` with one file.
 
-    An archive that another takes the place of (by a rename, as `farfield copy` does it) is read on unchanged.
+    An archive that another takes the place of by a rename is read on unchanged. One that is written over is refused
+    from then on with a StoreError: its directories no longer tell where its values are.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -49,10 +65,11 @@ class ArchiveStore:
         try:
             self._file = os.open(self._path, os.O_RDONLY)
             weakref.finalize(self, os.close, self._file)
-            size = os.fstat(self._file).st_size
+            self.identity = _identity(os.fstat(self._file))
         except OSError as error:
             self._fail(error)
         self._header = decode_header(self._read(0, VALUES_FROM), self._path)
+        *_, size = self.identity
         if size != self._header.length:
             what = f"the archive is cut short: {size} of {self._header.length} bytes"
             raise DamagedValueError(what, self._path, COPY_AGAIN)
@@ -141,9 +158,14 @@ class ArchiveStore:
 
     def _read(self, offset: int, length: int) -> bytes:
         try:
-            return os.pread(self._file, length, offset)
+            data = os.pread(self._file, length, offset)
+            # Afterwards: what was written before or meanwhile has left its mark by now.
+            found = _identity(os.fstat(self._file))
         except OSError as error:
             self._fail(error)
+        if found != self.identity:
+            raise StoreError("the archive was changed while it was open", self._path, "open it again")
+        return data
 
     def _where(self, key: str) -> str:
         return f"{self._path}: {key}"

@@ -1,0 +1,63 @@
+"""A process in which cases are judged, apart from the tests.
+
+Tracing memory and stopping what hangs have crashed an interpreter in which threads of servers and clusters ran beside;
+and what a kernel does to memory that is not its own would end the tests.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import warnings
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+
+from fuzz.decoders import decoders
+from fuzz.faulty import FAULTY
+from fuzz.judge import SECONDS, Fault, Outcome, judge, watched
+
+
+class Apart:
+    """Judges cases in a process that is begun when it is needed, and again when a case has ended it."""
+
+    def __init__(self) -> None:
+        self._process: BaseProcess | None = None
+        self._line: Connection | None = None
+
+    def judge(self, decoder: str, data: bytes, seconds: float = SECONDS) -> Outcome | Fault:
+        """`judge` by the decoder's name; those of `fuzz.faulty` are known too."""
+        line = self._line or self._begin()
+        try:
+            line.send((decoder, data, seconds))
+            found: Outcome | Fault = line.recv()
+        except (EOFError, OSError):
+            self.end()
+            return Fault(decoder, "ends the process", data)
+        return found
+
+    def end(self) -> None:
+        """Ends the process, if there is one."""
+        if self._line is not None and self._process is not None:
+            self._line.close()
+            self._process.join()
+        self._line = self._process = None
+
+    def _begin(self) -> Connection:
+        spawn = multiprocessing.get_context("spawn")
+        self._line, theirs = spawn.Pipe()
+        self._process = spawn.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+        return self._line
+
+
+def _serve(line: Connection) -> None:
+    # As in the other tests: an overflow in numpy is a number that should have been refused.
+    warnings.simplefilter("error")
+    table = {**decoders(), **FAULTY}
+    with watched():
+        while True:
+            try:
+                decoder, data, seconds = line.recv()
+            except EOFError:
+                return
+            line.send(judge(table[decoder], data, seconds))
