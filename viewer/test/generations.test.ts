@@ -289,13 +289,16 @@ describe("Generations", () => {
       base: "http://world.test/", bytes: 0, requests: 0, batchKeys: 10, events: new URL("http://world.test/events"),
       get tag() { return tag; },
       manifest: () => Promise.resolve((reads++, text)),
+      knock: () => Promise.resolve(),
       get: () => Promise.reject(new Error("unused")),
       getMany: () => Promise.reject(new Error("unused")),
     } satisfies Source;
     let newest = decodeManifest(text, "");
     const found: string[] = [];
+    const { signal } = new AbortController();
+    const home = new Server(source, new Backoff(() => 0, () => undefined), signal, () => undefined, true);
     const generations = new Generations({
-      source, backoff: new Backoff(() => 0, () => undefined), signal: new AbortController().signal, newest: () => newest,
+      home, signal, newest: () => newest,
       found: (manifest) => found.push((newest = manifest).name), unreadable: () => expect.unreachable(),
     });
     const hear = async (manifest: string): Promise<void> => {
