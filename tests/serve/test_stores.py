@@ -1,4 +1,4 @@
-"""`farfield serve` of a folder, an archive and a bucket: the same answers."""
+"""`farfield serve` of a folder, an archive, a bucket, a split world and a world on a web server: the same answers."""
 
 from __future__ import annotations
 
@@ -29,6 +29,13 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "golden"
 
 
+@pytest.fixture
+def elsewhere(folder: Path) -> Iterator[str]:
+    """The address at which another server has it."""
+    with served(str(folder)) as address:
+        yield address
+
+
 @contextmanager
 def served(place: str) -> Iterator[str]:
     """The address at which the command serves `place`."""
@@ -41,14 +48,19 @@ def served(place: str) -> Iterator[str]:
             process.terminate()
 
 
-@pytest.mark.parametrize("kind", ["folder", "archive", "bucket"])
+@pytest.mark.parametrize("kind", ["folder", "archive", "bucket", "split", "web"])
 def test_every_kind_is_served_alike(folder: Path, tmp_path: Path, kind: str, request: pytest.FixtureRequest) -> None:
     if kind == "bucket":
         make: Callable[[], str] = request.getfixturevalue("new_bucket")
         place = f"{make()}/golden"
     else:
-        place = str({"folder": folder, "archive": tmp_path / "a.farfield"}[kind])
-    if kind != "folder":
+        places = {"folder": folder, "archive": tmp_path / "a.farfield", "split": tmp_path / "split/a"}
+        place = str(places.get(kind, folder))
+    if kind == "split":
+        copy_place(folder, tmp_path / "split", servers=["a", "b"])
+    elif kind == "web":
+        place = request.getfixturevalue("elsewhere")
+    elif kind != "folder":
         copy_place(folder, place)
     store = DirectoryStore(folder)
     tiles = list(store.list("orthoview"))[:40]
