@@ -17,6 +17,7 @@ from farfield.bake.crew import crew_of
 from farfield.bake.engine import Tree, bake_tree
 from farfield.bake.index import INDEX_DEPTH
 from farfield.bake.options import BakeOptions
+from farfield.bake.partition import split_large
 from farfield.bake.plan import Plan, make_plan
 from farfield.bake.survey import MeshSummary, survey
 from farfield.errors import FarfieldError, InputError
@@ -61,6 +62,7 @@ def bake(
     for warning in scene.warnings:
         progress.note(warning)
     with store.writing():
+        scene = split_large(scene, store, progress)
         with crew_of(scene, store, _workers(options), options.scheduler) as crew:
             summaries = survey(crew.survey(len(scene.meshes)), len(scene.meshes), progress)
             plan = make_plan(scene, summaries, options)

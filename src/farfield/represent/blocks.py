@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import InputError
+from farfield.geometry.morton import BITS, morton_codes
 from farfield.kernels.blocks import place_blocks, split_vertices
 from farfield.octree.grid import Grid
 from farfield.represent.chunk import Chunk
@@ -162,21 +163,5 @@ def _morton(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> ND
         return np.empty(0, dtype=np.uint64)
     middle = positions[triangles[:, 0]] + positions[triangles[:, 1]] + positions[triangles[:, 2]]
     low, high = middle.min(0), middle.max(0)
-    steps = (middle - low) * (0x1FFFFF / max(float((high - low).max()), 1e-300))
-    code = np.zeros(len(triangles), dtype=np.uint64)
-    for axis in range(3):
-        code |= _spread(steps[:, axis].astype(np.uint64)) << np.uint64(axis)
-    return code
-
-
-def _spread(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Moves bit i of 21 to bit 3 i."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        value = (value | (value << np.uint64(shift))) & np.uint64(mask)
-    return value
+    steps = (middle - low) * (((1 << BITS) - 1) / max(float((high - low).max()), 1e-300))
+    return morton_codes(steps.astype(np.uint64))

@@ -1,4 +1,5 @@
-"""Dropping what no longer belongs to a world: tiles of old generations, and notes about cells that are gone."""
+"""Dropping what no longer belongs to a world: tiles of old generations, notes about cells that are gone, and parts of
+the scene that no note names."""
 
 from __future__ import annotations
 
@@ -8,13 +9,14 @@ from dataclasses import dataclass, field
 from farfield.progress import NoProgress, Progress
 from farfield.store.contract import Store
 from farfield.world import keys
+from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
 from farfield.world.manifest import read_manifest
 from farfield.world.reach import first_index_tiles, parted, textures_of
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
 _OF_CELL = re.compile(rf"(orthoview|objects|geometry|index|record)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
-_SHARED = re.compile(r"(mesh|texture|attributes)/([0-9a-f]+)")
+_SHARED = re.compile(r"(mesh|texture|attributes|record/chunk)/([0-9a-f]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class _Living:
     named: dict[str, dict[str, str]] = field(default_factory=dict)
     """Kind → cell → hash."""
     shared: set[str] = field(default_factory=set)
-    """Keys of meshes, textures and attributes."""
+    """Keys of meshes, textures, attributes and scene chunks."""
 
     def holds(self, key: str) -> bool:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
@@ -69,6 +71,7 @@ def drop_garbage(store: Store, dry: bool = False, progress: Progress | None = No
 def _living(store: Store, progress: Progress) -> _Living:
     manifest = read_manifest(store)
     living = _Living({kind: {} for kind in ("orthoview", "objects", "geometry", "index")})
+    living.shared |= named_chunks(store)
     if manifest.attributes:
         living.shared.add(f"attributes/{manifest.attributes}")
     pending = first_index_tiles(manifest)

@@ -54,3 +54,8 @@ def record_key(cell: CellKey) -> str:
 def chunk_key(name: str) -> str:
     """Key of a part of the scene that the world was baked from (scene.stored); name: its content hash."""
     return f"record/chunk/{name}"
+
+
+def split_key(name: str) -> str:
+    """Key of the note that tells which chunks a mesh became (world.chunks); name: hash of its file and place there."""
+    return f"record/split/{name}"
