@@ -11,7 +11,7 @@ from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.octree.grid import CellKey
-from farfield.represent.chunk import Chunk, merge
+from farfield.represent.chunk import Chunk, merge, ordered
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.represent.orthoview.leaf import draw_leaf
 from farfield.represent.orthoview.view_table import choose_views
@@ -34,7 +34,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
         return None
     materials = context.materials(tuple(sorted(parts)))
-    chunk = merge([piece for mesh in sorted(parts) for piece in parts[mesh]])
+    chunk = ordered(merge([piece for mesh in sorted(parts) for piece in parts[mesh]]))
     tiles = _draw(context, key, chunk, materials)
     geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
     cell_hash = store_tiles(context, key, tiles)

@@ -14,11 +14,11 @@ from farfield.progress import Progress
 from farfield.scene.faults import counted
 from farfield.scene.model import Instances, MeshSource, Scene
 from farfield.scene.stored.piece import StoredPiece
-from farfield.scene.stored.pieces import PIECE_TRIANGLES, write_pieces
+from farfield.scene.stored.pieces import PIECE_TRIANGLES, holds, write_pieces
 from farfield.scene.streams import MeshStream, StreamedSource
 from farfield.store.contract import Store
 from farfield.world.chunks import ChunkNote
-from farfield.world.keys import chunk_key, content_hash, split_key
+from farfield.world.keys import content_hash, split_key
 from farfield.world.limits import DAMAGE
 
 LIMIT = CACHE_BYTES // 2
@@ -126,14 +126,7 @@ def _note_of(stream: MeshStream, files: tuple[_File, ...], store: Store, most: i
         return None
     if (note.version, note.most, note.files) != (_VERSION, most, files):
         return None
-    return note if all(_is_there(store, chunk, size) for chunk, size in note.chunks) else None
-
-
-def _is_there(store: Store, chunk: str, size: int) -> bool:
-    try:
-        return store.size(chunk_key(chunk)) == size
-    except MissingKeyError:
-        return False
+    return note if all(holds(store, chunk, size) for chunk, size in note.chunks) else None
 
 
 def _with_parts(scene: Scene, parts: dict[int, tuple[MeshSource, ...]]) -> Scene:

@@ -25,6 +25,15 @@ def morton_codes(steps: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return code
 
 
+def codes_along(points: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """(n,) uint64 Morton codes of (n, 3) points in the smallest cube around them."""
+    if not len(points):
+        return np.empty(0, dtype=np.uint64)
+    low, high = points.min(0), points.max(0)
+    steps = (points - low) * (((1 << BITS) - 1) / max(float((high - low).max()), 1e-300))
+    return morton_codes(steps.astype(np.uint64))
+
+
 def _spread(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
     for shift, mask in _HALVINGS:
         value = (value | (value << np.uint64(shift))) & np.uint64(mask)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import InputError
-from farfield.geometry.morton import BITS, morton_codes
+from farfield.geometry.morton import codes_along
 from farfield.kernels.blocks import place_blocks, split_vertices
 from farfield.octree.grid import Grid
 from farfield.represent.chunk import Chunk
@@ -48,7 +48,8 @@ class BlockedMesh:
         if len(mesh.triangles) and int(mesh.triangles.max()) >= len(mesh.positions):
             raise InputError("a triangle refers to a vertex that is not there")
         positions = np.ascontiguousarray(mesh.positions, dtype=np.float64)
-        order = np.argsort(_morton(positions, mesh.triangles), kind="stable")
+        a, b, c = (positions[mesh.triangles[:, corner]] for corner in range(3))
+        order = np.argsort(codes_along(a + b + c), kind="stable")
         triangles = mesh.triangles[order].astype(np.uint32)
         blocks = -(-len(triangles) // BLOCK)
         local, origin = np.empty_like(triangles), np.empty(3 * len(triangles), dtype=np.uint32)
@@ -156,12 +157,3 @@ def normal_matrix(transform: NDArray[np.float64]) -> NDArray[np.float64]:
     a, b, c = transform[:, 0], transform[:, 1], transform[:, 2]
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     return np.ascontiguousarray(-cofactors if float(a @ cofactors[:, 0]) < 0 else cofactors)
-
-
-def _morton(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.uint64]:
-    if len(triangles) == 0:
-        return np.empty(0, dtype=np.uint64)
-    middle = positions[triangles[:, 0]] + positions[triangles[:, 1]] + positions[triangles[:, 2]]
-    low, high = middle.min(0), middle.max(0)
-    steps = (middle - low) * (((1 << BITS) - 1) / max(float((high - low).max()), 1e-300))
-    return morton_codes(steps.astype(np.uint64))

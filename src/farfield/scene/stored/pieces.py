@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.errors import MissingKeyError
 from farfield.progress import Progress
 from farfield.scene.cleaning import Losses, RawSurface, nothing_usable, shaded, visible
 from farfield.scene.model import Mesh, Texture
@@ -74,9 +75,17 @@ def write_pieces(
 
 def _put(store: Store, data: bytes) -> tuple[str, int]:
     name = content_hash(data)
-    if not store.exists(chunk_key(name)):
+    if not holds(store, name, len(data)):
         store.put(chunk_key(name), data)
     return name, len(data)
+
+
+def holds(store: Store, chunk: str, size: int) -> bool:
+    """Whether a chunk is there, with all its bytes."""
+    try:
+        return store.size(chunk_key(chunk)) == size
+    except MissingKeyError:
+        return False
 
 
 def _meshes(surface: SurfaceStream, order: Order, cuts: list[tuple[int, int]], folder: Path) -> Iterator[Mesh]:
