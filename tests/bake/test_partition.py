@@ -224,6 +224,14 @@ def only(scene: Scene, mesh: int):  # type: ignore[no-untyped-def]
     return replace(own, mesh=own.mesh[rows], transform=own.transform[rows], first_object=own.first_object[rows])
 
 
+def test_text_stays_whole_and_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    scene, notes = read_scene([path]), Notes()
+    assert split_large(scene, MemoryStore(), notes, limit=8) is scene
+    assert notes.said == [f"{path}: loaded whole, as all text; binary PLY would be read in pieces"]
+
+
 def test_two_meshes_of_one_name_are_two(tmp_path: Path) -> None:
     """Names in a glTF file need not differ."""
     from scene.small_gltf import GltfFile

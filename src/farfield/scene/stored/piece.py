@@ -22,7 +22,10 @@ from farfield.world.limits import HashOrNone
 PIECE, TEXTURE = "mesh piece", "texture"
 _BAKE_AGAIN = "remove it and bake again"
 
-_Share = Annotated[float, Meta(ge=-1e6, le=1e6)]
+FURTHEST = 1e12
+"""Metres, as everywhere in a world (spec/world.md)."""
+
+_Share = Annotated[float, Meta(ge=-1e30, le=1e30)]
 
 
 class _MaterialRecord(msgspec.Struct, frozen=True):
@@ -113,8 +116,9 @@ def decode_piece(data: bytes, where: str = "") -> Piece:
     for name, (shape, types) in shapes.items():
         if name in arrays and (arrays[name].shape != shape or arrays[name].dtype.str not in types):
             raise _damaged(name, where)
-        if name in arrays and not np.isfinite(arrays[name]).all():
-            raise _damaged(f"{name} that are no numbers", where)
+        most = FURTHEST if name == "positions" else np.inf
+        if name in arrays and not (np.isfinite(arrays[name]) & (np.abs(arrays[name]) <= most)).all():
+            raise _damaged(f"{name} out of bounds", where)
     if "normals" not in arrays or int(triangles.max(initial=0)) >= max(count, 1) or (len(triangles) and not count):
         raise _damaged("its triangles have no vertices or normals", where)
     try:

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.errors import MissingKeyError
+from farfield.errors import InputError, MissingKeyError
 from farfield.progress import Progress
 from farfield.scene.cleaning import Losses, RawSurface, nothing_usable, shaded, visible
 from farfield.scene.model import Mesh, Texture
 from farfield.scene.shading import face_vectors
 from farfield.scene.stored.order import TRIANGLE, Extent, Order
-from farfield.scene.stored.piece import encode_piece, encode_texture
+from farfield.scene.stored.piece import FURTHEST, encode_piece, encode_texture
 from farfield.scene.stored.rings import rings
 from farfield.scene.streams import MeshStream, SurfaceStream, gather
 from farfield.store.contract import Store
@@ -59,7 +59,7 @@ def write_pieces(
         losses, before = Losses(), len(pieces)
         with tempfile.TemporaryDirectory(prefix="farfield-") as folder:
             progress.start(surface.faces, f"triangles of {where} sorted")
-            order = Order.of(surface, Extent.of(surface), Path(folder), losses, progress)
+            order = Order.of(surface, _extent(surface, where), Path(folder), losses, progress)
             progress.finish()
             cuts = order.cuts(most)
             progress.start(len(cuts), f"pieces of {where} written")
@@ -71,6 +71,13 @@ def write_pieces(
         if len(pieces) == before:
             warnings.append(nothing_usable(where))
     return Pieces(tuple(pieces), tuple(dict.fromkeys(textures.values())), tuple(warnings))
+
+
+def _extent(surface: SurfaceStream, where: str) -> Extent:
+    extent = Extent.of(surface)
+    if np.abs([extent.lower, extent.upper]).max() > FURTHEST:
+        raise InputError(f"has coordinates beyond {FURTHEST:.0e} m", where, "check its coordinates")
+    return extent
 
 
 def _put(store: Store, data: bytes) -> tuple[str, int]:
