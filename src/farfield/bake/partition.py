@@ -73,6 +73,8 @@ def split_large(
         except InputError as error:
             progress.note(f"left out: {error}")
             problem, parts[number] = problem or error, ()
+        finally:
+            stream.forget()
     for key in store.list("record/split"):
         if key not in notes:
             store.delete(key)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -65,6 +65,11 @@ class SurfaceStream(Protocol):
         """Whether triangles may have vertices in common."""
         ...
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of its looks cannot be read."""
+        ...
+
     def rows(self, start: int, stop: int) -> Vertices:
         """The vertices from `start` up to but not including `stop`."""
         ...
@@ -74,6 +79,10 @@ class SurfaceStream(Protocol):
         ...
 
 
+def _nothing() -> None:
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class MeshStream:
     """A mesh whose surfaces can be read a part at a time."""
@@ -81,9 +90,10 @@ class MeshStream:
     surfaces: tuple[SurfaceStream, ...]
     files: tuple[Path, ...]
     """All that is read; the first is the one that was named."""
-    warnings: tuple[str, ...] = ()
     part: int = 0
     """Which of the meshes in the file."""
+    forget: Callable[[], None] = _nothing
+    """Gives up what reading has kept in memory, such as decoded textures."""
 
     @property
     def loaded_bytes(self) -> int:

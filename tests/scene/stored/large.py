@@ -40,6 +40,10 @@ class HeldStream:
     def crease_cosine(self) -> float:
         return self.raw.crease_cosine
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return ()
+
     def rows(self, start: int, stop: int) -> Vertices:
         raw, rows = self.raw, slice(start, stop)
         return Vertices(

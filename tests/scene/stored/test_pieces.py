@@ -18,7 +18,7 @@ from PIL import Image
 from farfield.errors import CorruptTileError, InputError
 from farfield.progress import NoProgress
 from farfield.scene.cleaning import RawSurface, assemble
-from farfield.scene.gltf import primitives
+from farfield.scene.gltf import materials, primitives
 from farfield.scene.model import Mesh, MeshSource
 from farfield.scene.read import read_scene
 from farfield.scene.shading import ALWAYS_FLAT, CREASE_COSINE
@@ -222,6 +222,22 @@ def test_a_texture_is_stored_and_held_once(tmp_path: Path) -> None:
     held = {id(m.texture) for mesh in meshes for m in mesh.materials if m.texture is not None}
     assert len(held) == 1
     assert {texture.pixels.shape for texture in textures} == {(4, 4, 4)}
+
+
+def test_only_headers_are_read_to_see_how_large_a_mesh_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Decoded textures of all meshes of a scene would fill the memory of the process that asks."""
+
+    def decoded(*_: object) -> None:
+        pytest.fail("a texture was decoded")
+
+    source = read_scene([glb(tmp_path)]).meshes[0]
+    monkeypatch.setattr(materials, "decode_image", decoded)
+    assert isinstance(source, StreamedSource)
+    stream = source.stream()
+    assert stream is not None
+    points, faces = stone(8)
+    strip, fan = len(faces) * 3 - 2, len(points) - 2
+    assert stream.loaded_bytes == 4 * 48 * len(points) + 14 * (2 * len(faces) + strip + fan)
 
 
 @pytest.mark.parametrize("make", [plain_ply, some_stl, glb])

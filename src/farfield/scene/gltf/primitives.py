@@ -15,7 +15,7 @@ from farfield.scene.gltf.accessors import accessor_array, accessor_count, access
 from farfield.scene.gltf.container import Document
 from farfield.scene.gltf.draco import decode_primitive
 from farfield.scene.gltf.materials import GltfMaterial, material_of, transformed_uvs
-from farfield.scene.model import Mesh
+from farfield.scene.model import Material, Mesh
 from farfield.scene.shading import ALWAYS_FLAT, CREASE_COSINE
 from farfield.scene.streams import BATCH, MeshStream, Vertices, whole
 
@@ -37,10 +37,8 @@ def stream_of(document: Document, index: int) -> MeshStream | None:
     primitives = _drawable(document, index)
     if any(_compressed(primitive) is not None for primitive in primitives):
         return None
-    found = [material_of(document, primitive.get("material")) for primitive in primitives]
-    surfaces = tuple(PrimitiveStream(document, p, m) for p, m in zip(primitives, found, strict=True))
-    warnings = tuple(m.warning for m in found if m.warning)
-    return MeshStream(surfaces, document.files(), warnings, index)
+    surfaces = tuple(PrimitiveStream(document, primitive) for primitive in primitives)
+    return MeshStream(surfaces, document.files(), index, document.cache.clear)
 
 
 def _drawable(document: Document, index: int) -> list[dict[str, Any]]:
@@ -53,12 +51,12 @@ def _compressed(primitive: dict[str, Any]) -> dict[str, Any] | None:
 
 
 class PrimitiveStream:
-    """See `SurfaceStream`."""
+    """See `SurfaceStream`. Its textures are decoded when the material is asked for, not before."""
 
     shares_vertices = True
 
-    def __init__(self, document: Document, primitive: dict[str, Any], found: GltfMaterial) -> None:
-        self._document, self._found = document, found
+    def __init__(self, document: Document, primitive: dict[str, Any]) -> None:
+        self._document, self._primitive = document, primitive
         self._accessors: dict[str, int] = {
             name: accessor
             for name, accessor in primitive["attributes"].items()
@@ -66,11 +64,24 @@ class PrimitiveStream:
         }
         self._indices = primitive.get("indices")
         self._mode = primitive.get("mode", _TRIANGLES)
-        self.material = found.material
         self.crease_cosine = CREASE_COSINE if "NORMAL" in self._accessors else ALWAYS_FLAT
         self.vertices = accessor_count(document, self._accessors["POSITION"])
         self._corners = self.vertices if self._indices is None else accessor_count(document, self._indices)
         self.faces = self._corners // 3 if self._mode == _TRIANGLES else max(0, self._corners - 2)
+
+    @property
+    def material(self) -> Material:
+        """See `SurfaceStream.material`."""
+        return self._found.material
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See `SurfaceStream.warnings`."""
+        return (self._found.warning,) if self._found.warning else ()
+
+    @property
+    def _found(self) -> GltfMaterial:
+        return material_of(self._document, self._primitive.get("material"))
 
     def rows(self, start: int, stop: int) -> Vertices:
         """See `SurfaceStream.rows`."""
@@ -109,19 +120,15 @@ def _strip(corners: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _part(document: Document, primitive: dict[str, Any], where: str) -> Mesh:
-    found = material_of(document, primitive.get("material"))
+    stream = PrimitiveStream(document, primitive)
     extension = _compressed(primitive)
-    if extension is None:
-        raw = whole(PrimitiveStream(document, primitive, found))
-    else:
-        raw = _decompressed(document, primitive, extension, found)
+    raw = whole(stream) if extension is None else _decompressed(document, primitive, extension)
     mesh = assemble(replace(raw, colors=visible(raw.colors)), where)
-    return replace(mesh, warnings=(found.warning, *mesh.warnings)) if found.warning else mesh
+    return replace(mesh, warnings=stream.warnings + mesh.warnings)
 
 
-def _decompressed(
-    document: Document, primitive: dict[str, Any], extension: dict[str, Any], found: GltfMaterial
-) -> RawSurface:
+def _decompressed(document: Document, primitive: dict[str, Any], extension: dict[str, Any]) -> RawSurface:
+    found = material_of(document, primitive.get("material"))
     stored, faces = decode_primitive(document, extension)
     accessors = primitive["attributes"]
     vertices = _vertices({name: _scaled(document, accessors[name], v) for name, v in stored.items()}, found)

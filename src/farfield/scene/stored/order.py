@@ -69,7 +69,7 @@ class Order:
     def of(cls, stream: SurfaceStream, extent: Extent, folder: Path, losses: Losses, progress: Progress) -> Order:
         """Reads all triangles, with the vertices they need; counts in `losses` what cannot be used.
 
-        folder: an empty one, for files of 64 bytes a triangle. Vertices are read again for each batch of triangles that
+        folder: an empty one, for files of 80 bytes a triangle. Vertices are read again for each batch of triangles that
         needs them: a file whose triangles are in no spatial order at all is read once for every batch.
         """
         coded, number = SortedRecords(folder / "coded", _CODED), 0

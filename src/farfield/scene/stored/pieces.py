@@ -46,12 +46,12 @@ def write_pieces(
     The pieces together have the triangles, normals, texture coordinates and colours that the mesh has when it is loaded
     whole, to the bit. They depend on the content of the file and `most` alone, and a change in one place of it changes
     those pieces only that have a part in it. most: triangles of a piece.
-    Takes about 400 bytes of memory for each triangle of a piece, and 200 bytes on disk (where temporary files go)
+    Takes about 600 bytes of memory for each triangle of a piece, and 100 bytes on disk (where temporary files go)
     for each of the mesh. Raises InputError and StoreError.
     """
     pieces: list[tuple[str, int]] = []
     textures: dict[Texture, tuple[str, int]] = {}
-    warnings = list(stream.warnings)
+    warnings: list[str] = []
     for surface in stream.surfaces:
         texture = surface.material.texture
         if texture is not None and texture not in textures:
@@ -67,7 +67,7 @@ def write_pieces(
                 pieces.append(_put(store, encode_piece(mesh, "" if texture is None else textures[texture][0])))
                 progress.advance()
             progress.finish()
-        warnings += losses.lines(where)
+        warnings += (*surface.warnings, *losses.lines(where))
         if len(pieces) == before:
             warnings.append(nothing_usable(where))
     return Pieces(tuple(pieces), tuple(dict.fromkeys(textures.values())), tuple(warnings))

@@ -152,6 +152,7 @@ class BinaryPly:
 
     crease_cosine: ClassVar[float] = CREASE_COSINE
     material: ClassVar[Material] = Material()
+    warnings: ClassVar[tuple[str, ...]] = ()
     shares_vertices: ClassVar[bool] = True
 
     @property

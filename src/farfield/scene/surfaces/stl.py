@@ -73,6 +73,7 @@ class BinaryStl:
 
     crease_cosine: ClassVar[float] = CREASE_COSINE
     material: ClassVar[Material] = Material()
+    warnings: ClassVar[tuple[str, ...]] = ()
     shares_vertices: ClassVar[bool] = False
 
     @property
