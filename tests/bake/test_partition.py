@@ -24,8 +24,9 @@ from farfield.bake.options import BakeOptions
 from farfield.bake.partition import LIMIT, split_large
 from farfield.errors import InputError
 from farfield.progress import NoProgress
+from farfield.represent.geometry.read import read_leaf_glb
 from farfield.scene.assembly import join, place
-from farfield.scene.model import Scene
+from farfield.scene.model import Scene, Texture
 from farfield.scene.read import read_scene
 from farfield.scene.stored import order, rings
 from farfield.scene.stored.piece import StoredPiece
@@ -34,6 +35,7 @@ from farfield.store.contract import Store
 from farfield.store.directory import DirectoryStore
 from farfield.store.memory import MemoryStore
 from farfield.world.garbage import drop_garbage
+from farfield.world.keys import geometry_key
 from farfield.world.world import World
 from scene.stored.large import stone, write_ply, write_stl, write_stone
 
@@ -116,9 +118,14 @@ def test_the_pictures_are_those_of_the_whole(source: Path, instances: int, split
     mine, theirs = (list(World.open(store).cells()) for store in (split, whole))
     assert [(e.key, e.hash, e.bounds, e.views) for e in mine] == [(e.key, e.hash, e.bounds, e.views) for e in theirs]
     if instances == 1:
-        assert [e.geometry and e.geometry.triangles for e in mine] == [
-            e.geometry and e.geometry.triangles for e in theirs
-        ]
+        for entry, other in zip(mine, theirs, strict=True):
+            if entry.geometry is not None:
+                assert other.geometry is not None
+                assert entry.geometry.triangles == other.geometry.triangles
+                data = split.get(geometry_key(entry.cell, entry.geometry.hash))
+                leaf = read_leaf_glb(data, entry.key, lambda _: Texture(np.zeros((1, 1, 4), np.uint8)))
+                assert leaf.mesh is not None
+                assert len(leaf.mesh.materials) == 1, "all pieces are one draw call"
 
 
 def test_workers_read_the_pieces(source: Path, tmp_path: Path, splits_small: None) -> None:

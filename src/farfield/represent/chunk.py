@@ -64,7 +64,8 @@ class Chunk:
         return sum(array.nbytes for array in self.surface)
 
 
-_ODD = np.array([0x9E3779B97F4A7C15 * odd & 0xFFFFFFFFFFFFFFFF | 1 for odd in range(1, 19, 2)], dtype=np.uint64)
+_POWERS = np.array([pow(0x9E3779B97F4A7C15, k, 1 << 64) for k in range(1, 10)], dtype=np.uint64)
+"""Of an odd number, as in a polynomial hash: multiples of one would let sums of few bits meet."""
 
 
 def ordered(chunk: Chunk) -> Chunk:
@@ -76,7 +77,7 @@ def ordered(chunk: Chunk) -> Chunk:
     corners = chunk.positions[chunk.triangles]
     middles = corners[:, 0].astype(np.float64) + corners[:, 1] + corners[:, 2]
     # Triangles in one step of the curve: by whatever tells them apart.
-    bits = (corners.reshape(-1, 9).view(np.uint32) * _ODD).sum(1, dtype=np.uint64)
+    bits = (corners.reshape(-1, 9).view(np.uint32) * _POWERS).sum(1, dtype=np.uint64)
     order = np.lexsort((bits, codes_along(middles)))
     return replace(
         chunk, triangles=chunk.triangles[order], materials=chunk.materials[order], objects=chunk.objects[order]
