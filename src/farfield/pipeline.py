@@ -16,6 +16,7 @@ import numpy as np
 
 from farfield.bake.bake import bake_held
 from farfield.bake.options import BAKE_VERSION, BakeOptions
+from farfield.bake.partition import split_large
 from farfield.bake.region import with_region
 from farfield.bake.repair import forget
 from farfield.errors import MissingKeyError, OptionError, WorldError
@@ -134,7 +135,8 @@ def _changed(
                          "update it once from everything, without --region")  # fmt: skip
     fresh = None
     if sources:
-        fresh = _in_frame(read_scene(sources, ReadOptions(crs=manifest.crs, region=region)), manifest, store.location)
+        scene = read_scene(sources, ReadOptions(crs=manifest.crs, region=region))
+        fresh = split_large(_in_frame(scene, manifest, store.location), store, progress)
     scene = with_region(stored, fresh, region, store, progress)
     return replace(scene, source_bytes=fresh.source_bytes) if fresh and same else scene
 

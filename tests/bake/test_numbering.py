@@ -22,7 +22,7 @@ def instances(places: list[Place]) -> Instances:
     transform = np.tile(np.eye(3, 4), (len(places), 1, 1))
     transform[:, :2, 3] = [place[:2] for place in places]
     objects = np.array([place[2] for place in places], np.int64)
-    return Instances(np.zeros(len(places), np.int32), transform, np.zeros(len(places), np.int64), objects)
+    return Instances(np.zeros(len(places), np.int32), transform, np.cumsum(objects) - objects + 1, objects)
 
 
 @given(PLACES)
@@ -53,6 +53,13 @@ def test_meshes_in_one_place_are_told_apart_by_content() -> None:
     mesh = np.array([0, 1], np.int32)
     first = object_ids(Instances(mesh, both.transform, both.first_object, both.objects), ["b", "a"], GRID)
     assert (np.argsort(first) == [1, 0]).all()
+
+
+def test_pieces_of_a_mesh_are_one_object() -> None:
+    own = instances([(0.0, 0.0, 1), (0.0, 0.0, 1), (500.0, 9.0, 1)])
+    pieces = Instances(np.array([0, 1, 2], np.int32), own.transform, np.array([1, 1, 2]), own.objects)
+    first = object_ids(pieces, ["b", "c", "a"], GRID)
+    assert first[0] == first[1] != first[2]
 
 
 def test_where_ids_by_place_do_not_reach_they_follow_each_other() -> None:

@@ -26,7 +26,11 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import OBJECTS, decode_object_tile, encode_object_tile
 from farfield.represent.orthoview.quality import quality
 from farfield.represent.orthoview.tile import COLOR, COVERAGE, DEPTH, FLAGS, NORMAL, UNLIT, decode_tile, encode_tile
+from farfield.scene.cleaning import RawSurface, assemble
 from farfield.scene.model import Material, Mesh, Texture
+from farfield.scene.stored.piece import decode_piece, encode_piece
+from farfield.scene.stored.piece import decode_texture as decode_stored_texture
+from farfield.scene.stored.piece import encode_texture as encode_stored_texture
 from farfield.serve.batch import decode_keys
 from farfield.store.archive.layout import (
     DIRECTORY_MEMORY,
@@ -51,7 +55,20 @@ from farfield.world.manifest import KEY, decode_manifest, with_servers
 from farfield.world.servers import RULE, ServersRecord
 from farfield.world.world import World
 from fuzz import scene_decoders
-from fuzz.shells import BARE, BARE_JSON, DIRECTORY_COLUMNS, GLB_BODY, GLB_JSON, HEADER, INDEX_TEXT, PNG, SEALED, plane
+from fuzz.shells import (
+    BARE,
+    BARE_JSON,
+    CHUNK_BODY,
+    CHUNK_JSON,
+    DIRECTORY_COLUMNS,
+    GLB_BODY,
+    GLB_JSON,
+    HEADER,
+    INDEX_TEXT,
+    PNG,
+    SEALED,
+    plane,
+)
 from fuzz.table import Decoder
 from represent.random_layers import random_layer
 
@@ -295,9 +312,34 @@ def _texture_bound(data: bytes) -> int:
     return 32 * width * height * (max(width, height) <= 8192) + 16 * len(data) + _ROOM
 
 
+# Parts of the scene
+
+
+def _piece() -> Decoder:
+    chance = np.random.default_rng(4)
+    bare = RawSurface(chance.random((9, 3)), chance.integers(0, 9, (12, 3)))
+    full = RawSurface(
+        bare.positions.astype(np.float32).astype(np.float64),
+        bare.triangles,
+        uvs=chance.random((9, 2)).astype(np.float32),
+        colors=chance.integers(0, 256, (9, 4)).astype(np.uint8),
+        materials=(Material("bark", (0.5, 1.0, 1.0, 1.0), None, 0.5, False, True),),
+    )
+    corpus = (encode_piece(assemble(bare, ""), ""), encode_piece(assemble(full, ""), "0123456789abcdef"))
+    shells = (BARE, CHUNK_JSON, CHUNK_JSON, CHUNK_BODY)
+    return Decoder("piece", decode_piece, corpus, shells, _times(32), lambda piece: _use_mesh(piece.mesh))
+
+
+def _piece_texture() -> Decoder:
+    corpus = (encode_stored_texture(_WHITE), encode_stored_texture(Texture(np.zeros((3, 5, 4), np.uint8))))
+    shells = (BARE, CHUNK_JSON, CHUNK_BODY)
+    return Decoder("piece_texture", decode_stored_texture, corpus, shells, _times(32))
+
+
 DECODERS: tuple[Callable[[], Decoder], ...] = (
     _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _archive, _archive_header, _leaf, _mesh, _texture,
     scene_decoders.footprints, scene_decoders.scene_note, scene_decoders.attributes,
+    _piece, _piece_texture,
 )  # fmt: skip
 
 

@@ -117,3 +117,21 @@ def _png_sealed(data: bytes) -> bytes:
 
 
 PNG = Shell("png", lambda data: data if data[1:4] == b"PNG" else None, lambda _, part: _png_sealed(part))
+
+
+def _sealed_chunk(head: bytes, text: bytes, body: bytes) -> bytes:
+    """A scene chunk whose lengths and checksum are right."""
+    text += b" " * (-(len(text) + 16) % 8)
+    return head[:8] + struct.pack("<II", len(text), zlib.crc32(text + body)) + text + body
+
+
+def _chunk_parts(chunk: bytes) -> tuple[bytes, bytes]:
+    """Listing and arrays."""
+    (length,) = struct.unpack_from("<I", chunk, 8)
+    return chunk[16 : 16 + length], chunk[16 + length :]
+
+
+CHUNK_JSON = Shell(
+    "listing", lambda c: _chunk_parts(c)[0], lambda c, part: _sealed_chunk(c, part, _chunk_parts(c)[1]), json=True
+)
+CHUNK_BODY = Shell("arrays", lambda c: _chunk_parts(c)[1], lambda c, part: _sealed_chunk(c, _chunk_parts(c)[0], part))

@@ -75,13 +75,20 @@ class BakeContext:
         return map(work, things) if self._threads is None else self._threads.map(work, things)
 
     def materials(self, meshes: tuple[int, ...]) -> LeafMaterials:
-        """The joined materials of these meshes, in their order; the last few are kept, with their mip chains."""
+        """The joined materials of these meshes, in their order; the last few are kept, with their mip chains.
+
+        Meshes of the same materials, such as the pieces of one, share them: each is a draw call of near geometry.
+        """
         if meshes not in self._tables:
             base: dict[int, int] = {}
             joined: list[Material] = []
+            known: dict[tuple[Material, ...], int] = {}
             for mesh in meshes:
-                base[mesh] = len(joined)
-                joined += self.meshes.get(mesh).materials
+                own = self.meshes.get(mesh).materials
+                if own not in known:
+                    known[own] = len(joined)
+                    joined += own
+                base[mesh] = known[own]
             self._tables[meshes] = LeafMaterials(
                 MaterialTable.build(joined, TexturePool(self._mips)), tuple(joined), base
             )

@@ -12,7 +12,7 @@ from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
-from farfield.represent.chunk import Chunk, merge
+from farfield.represent.chunk import Chunk, merge, ordered
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
@@ -35,7 +35,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         write_record(context.store, key, Record(source, _empty_entry(context, key)))
         return None
     materials = context.materials(tuple(parts))
-    chunk = merge([piece for pieces in parts.values() for piece in pieces])
+    chunk = ordered(merge([piece for pieces in parts.values() for piece in pieces]))
     tiles = _draw(context, key, chunk, materials)
     geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
     cell_hash = store_tiles(context, key, tiles)

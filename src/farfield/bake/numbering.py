@@ -21,7 +21,8 @@ MOST_OBJECTS = (1 << 32) - 1
 def object_ids(instances: Instances, contents: Sequence[str], grid: Grid) -> NDArray[np.int64]:
     """(k,) int64: id of each instance's object 0; the others of its objects follow. 0 is no object.
 
-    contents: hash of each mesh, which orders what stands in the same place.
+    contents: hash of each mesh, which orders what stands in the same place. Instances with the same `first_object`
+    (pieces of a large mesh) are the same objects.
 
     Instances take the ids of the square that they stand in, in an order of their own places; what finds no room there
     takes the next. Squares are in Morton order: ids of neighbours are near each other, and pictures of ids small. The
@@ -29,12 +30,22 @@ def object_ids(instances: Instances, contents: Sequence[str], grid: Grid) -> NDA
 
     Raises InputError for more than 2^32 - 1 objects.
     """
-    objects = instances.objects
+    rank = np.unique(np.array(contents), return_inverse=True)[1][instances.mesh]
+    # Pieces of one mesh are instances of the same objects: the first of them stands for all.
+    by_number = np.lexsort((rank, instances.first_object))
+    _, at, which = np.unique(instances.first_object[by_number], return_index=True, return_inverse=True)
+    group = np.empty(len(rank), np.int64)
+    group[by_number] = which
+    return _ids(instances.transform[by_number[at]], instances.objects[by_number[at]], rank[by_number[at]], grid)[group]
+
+
+def _ids(
+    transform: NDArray[np.float64], objects: NDArray[np.int64], rank: NDArray[np.int64], grid: Grid
+) -> NDArray[np.int64]:
     if int(objects.sum()) > MOST_OBJECTS:
         raise InputError(f"the scene has {int(objects.sum()):,} objects", "", f"at most {MOST_OBJECTS:,} have ids")
-    code = _squares(instances.transform[:, :, 3], grid)
-    rank = np.unique(np.array(contents), return_inverse=True)[1][instances.mesh]
-    order = np.lexsort((objects, rank, *instances.transform.reshape(len(code), 12).T, code))
+    code = _squares(transform[:, :, 3], grid)
+    order = np.lexsort((objects, rank, *transform.reshape(len(code), 12).T, code))
     first = np.empty(len(code), np.int64)
     before = np.cumsum(objects[order]) - objects[order]
     # The furthest that any instance up to this one is pushed on, beyond what precedes it.

@@ -19,7 +19,7 @@ from farfield.scene.footprints.order import Square
 from farfield.scene.model import Instances, MeshSource, Scene
 from farfield.scene.options import Region, inside
 from farfield.scene.stored.footprints import StoredFootprints
-from farfield.scene.stored.scene import MeshSummary, StoredScene
+from farfield.scene.stored.scene import MeshSummary, StoredScene, object_count
 from farfield.store.contract import Store
 from farfield.world.attributes import put_table, read_table
 
@@ -48,6 +48,8 @@ class _Rows:
     sources: list[MeshSource]
     """(k,) of each instance."""
     transform: NDArray[np.float64]
+    first_object: NDArray[np.int64]
+    """Told apart within these rows alone."""
     objects: NDArray[np.int64]
     attributes: list[str]
 
@@ -56,26 +58,34 @@ class _Rows:
         """Some of a scene."""
         own, parts = scene.instances, scene.attribute_parts
         sources = [scene.meshes[mesh] for mesh in own.mesh[rows].tolist()]
-        return cls(sources, own.transform[rows], own.objects[rows], [parts[row] if parts else "" for row in rows])
+        attributes = [parts[row] if parts else "" for row in rows]
+        return cls(sources, own.transform[rows], own.first_object[rows], own.objects[rows], attributes)
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Rows]) -> _Rows:
+        """Several, one after the other; at least one. What is one object in a part is one in the whole."""
+        before = np.cumsum([0, *(int(part.first_object.max(initial=0)) for part in parts)])
+        return cls(
+            [source for part in parts for source in part.sources],
+            np.concatenate([part.transform for part in parts]),
+            np.concatenate([part.first_object + shift for part, shift in zip(parts, before[:-1], strict=True)]),
+            np.concatenate([part.objects for part in parts]),
+            [name for part in parts for name in part.attributes],
+        )
 
 
 def _gathered(scene: Scene, fresh: Scene | None, parts: list[_Rows]) -> Scene:
-    sources = [source for part in parts for source in part.sources]
-    number = {source: k for k, source in enumerate(dict.fromkeys(sources))}
-    objects = np.concatenate([part.objects for part in parts])
-    instances = Instances(
-        np.array([number[source] for source in sources], np.int32),
-        np.concatenate([part.transform for part in parts]),
-        np.cumsum(objects) - objects + 1,
-        objects,
-    )
+    rows = _Rows.joined(parts)
+    number = {source: k for k, source in enumerate(dict.fromkeys(rows.sources))}
+    mesh = np.array([number[source] for source in rows.sources], np.int32)
+    instances = Instances(mesh, rows.transform, rows.first_object, rows.objects)
     added = fresh or Scene((), instances)
     return replace(
         scene,
         meshes=tuple(number),
         instances=instances,
-        object_count=int(objects.sum()),
-        attribute_parts=tuple(part for rows in parts for part in rows.attributes),
+        object_count=object_count(rows.first_object, rows.objects),
+        attribute_parts=tuple(rows.attributes),
         credits=tuple(dict.fromkeys(scene.credits + added.credits)),
         families=tuple(dict.fromkeys(scene.families + added.families)),
         warnings=added.warnings,
@@ -100,13 +110,7 @@ def _placements(
     kept = _Rows.of(stored.scene, stays)
     if fresh is None or chosen is None:
         return kept
-    new = _Rows.of(fresh, np.flatnonzero(chosen))
-    return _Rows(
-        kept.sources + new.sources,
-        np.concatenate([kept.transform, new.transform]),
-        np.concatenate([kept.objects, new.objects]),
-        kept.attributes + new.attributes,
-    )
+    return _Rows.joined([kept, _Rows.of(fresh, np.flatnonzero(chosen))])
 
 
 def _summaries(stored: StoredScene, fresh: Scene, progress: Progress) -> list[MeshSummary]:
@@ -123,18 +127,24 @@ def _summaries(stored: StoredScene, fresh: Scene, progress: Progress) -> list[Me
 def _within(scene: Scene, summaries: Sequence[MeshSummary], region: Region) -> NDArray[np.bool_]:
     """(k,) which instances have their middle in the region and are no larger than it."""
     own = scene.instances
-    boxes = np.full((len(own.mesh), 2, 3), np.nan)
+    boxes = np.tile([[np.inf] * 3, [-np.inf] * 3], (len(own.mesh), 1, 1))
     for mesh, summary in enumerate(summaries):
         if not len(summary.boxes):
             continue
-        whole = np.stack([summary.boxes[:, 0].min(0), summary.boxes[:, 1].max(0)])[None]
+        around = np.stack([summary.boxes[:, 0].min(0), summary.boxes[:, 1].max(0)])[None]
         for row in np.flatnonzero(own.mesh == mesh):
-            boxes[row] = transformed_boxes(whole, own.transform[row])[0]
-    boxes += np.array(scene.origin)
+            boxes[row] = transformed_boxes(around, own.transform[row])[0]
+    # A mesh in pieces is one thing.
+    _, which = np.unique(own.first_object, return_inverse=True)
+    whole = np.tile([[np.inf] * 3, [-np.inf] * 3], (int(which.max(initial=-1)) + 1, 1, 1))
+    np.minimum.at(whole[:, 0], which, boxes[:, 0])
+    np.maximum.at(whole[:, 1], which, boxes[:, 1])
+    boxes = whole[which] + np.array(scene.origin)
     width, depth = region[2] - region[0], region[3] - region[1]
     size = boxes[:, 1] - boxes[:, 0]
     small = (size[:, 0] <= width) & (size[:, 1] <= depth)
-    return np.asarray(small & inside(boxes.mean(1), region))
+    with np.errstate(invalid="ignore"):  # What cannot be read lies nowhere.
+        return np.asarray(small & inside(boxes.mean(1), region))
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,9 +248,11 @@ def _family(
     transforms = np.tile(np.eye(3, 4), (len(change.made), 1, 1))
     for k, (chunk, _) in enumerate(change.made):
         transforms[k, :, 3] = chunk.corner - np.array(scene.origin)
-    return _Rows(
-        kept.sources + [StoredFootprints.of(chunk, store) for chunk, _ in change.made],
-        np.concatenate([kept.transform, transforms]),
-        np.concatenate([kept.objects, np.array([len(chunk.features) for chunk, _ in change.made], np.int64)]),
-        kept.attributes + [put_table(store, columns) for _, columns in change.made],
+    new = _Rows(
+        [StoredFootprints.of(chunk, store) for chunk, _ in change.made],
+        transforms,
+        np.arange(1, len(change.made) + 1),
+        np.array([len(chunk.features) for chunk, _ in change.made], np.int64),
+        [put_table(store, columns) for _, columns in change.made],
     )
+    return _Rows.joined([kept, new])

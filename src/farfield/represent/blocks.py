@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import InputError
+from farfield.geometry.morton import codes_along
 from farfield.kernels.blocks import place_blocks, split_vertices
 from farfield.octree.grid import Grid
 from farfield.represent.chunk import Chunk
@@ -47,7 +48,8 @@ class BlockedMesh:
         if len(mesh.triangles) and int(mesh.triangles.max()) >= len(mesh.positions):
             raise InputError("a triangle refers to a vertex that is not there")
         positions = np.ascontiguousarray(mesh.positions, dtype=np.float64)
-        order = np.argsort(_morton(positions, mesh.triangles), kind="stable")
+        a, b, c = (positions[mesh.triangles[:, corner]] for corner in range(3))
+        order = np.argsort(codes_along(a + b + c), kind="stable")
         triangles = mesh.triangles[order].astype(np.uint32)
         blocks = -(-len(triangles) // BLOCK)
         local, origin = np.empty_like(triangles), np.empty(3 * len(triangles), dtype=np.uint32)
@@ -155,28 +157,3 @@ def normal_matrix(transform: NDArray[np.float64]) -> NDArray[np.float64]:
     a, b, c = transform[:, 0], transform[:, 1], transform[:, 2]
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     return np.ascontiguousarray(-cofactors if float(a @ cofactors[:, 0]) < 0 else cofactors)
-
-
-def _morton(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.uint64]:
-    if len(triangles) == 0:
-        return np.empty(0, dtype=np.uint64)
-    middle = positions[triangles[:, 0]] + positions[triangles[:, 1]] + positions[triangles[:, 2]]
-    low, high = middle.min(0), middle.max(0)
-    steps = (middle - low) * (0x1FFFFF / max(float((high - low).max()), 1e-300))
-    code = np.zeros(len(triangles), dtype=np.uint64)
-    for axis in range(3):
-        code |= _spread(steps[:, axis].astype(np.uint64)) << np.uint64(axis)
-    return code
-
-
-def _spread(value: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Moves bit i of 21 to bit 3 i."""
-    for shift, mask in (
-        (32, 0x1F00000000FFFF),
-        (16, 0x1F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ):
-        value = (value | (value << np.uint64(shift))) & np.uint64(mask)
-    return value

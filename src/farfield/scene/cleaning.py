@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,37 +39,98 @@ class RawSurface:
     """Where missing normals turn from smooth to faceted; see `shading`."""
 
 
+@dataclass(slots=True)
+class Losses:
+    """How many triangles cannot be used, by the first reason that was found."""
+
+    absent: int = 0
+    unfinite: int = 0
+    far: int = 0
+    flat: int = 0
+
+    def lines(self, where: str) -> tuple[str, ...]:
+        """A line for each reason that there is."""
+        reasons = (
+            (self.absent, " with vertices that do not exist"),
+            (self.unfinite, " with vertices that are NaN or infinite"),
+            (self.far, " more than 10,000 km from the rest"),
+            (self.flat, " of zero area"),
+        )
+        return tuple(f"{where}: left out {counted(count, 'triangle')}{why}" for count, why in reasons if count)
+
+
 def assemble(raw: RawSurface, where: str) -> Mesh:
     """The Mesh of a raw surface; its `warnings` count, at `where`, what had to be left out."""
-    warnings: list[str] = []
-    keep = _usable(raw, where, warnings)
-    triangles = raw.triangles[keep].astype(np.uint32)
-    vectors = face_vectors(raw.positions, triangles)
-    solid = _with_area(raw.positions, triangles, vectors)
-    if not solid.all():
-        warnings.append(f"{where}: left out {counted(int((~solid).sum()), 'triangle')} of zero area")
-        triangles, vectors = triangles[solid], vectors[solid]
-        keep[keep] = solid
-    if not len(triangles):
-        warnings.append(f"{where}: has no usable triangles")
+    losses = Losses()
+    keep, vectors = usable(raw.positions, raw.triangles, _absurd_middle(raw.positions), losses)
+    mesh = shaded(raw, raw.triangles[keep].astype(np.uint32), vectors)
+    material = raw.triangle_material if raw.triangle_material is not None else np.zeros(len(keep), np.uint16)
+    return replace(
+        mesh,
+        triangle_material=np.ascontiguousarray(material[keep]),
+        triangle_object=None if raw.triangle_object is None else raw.triangle_object[keep],
+        object_count=raw.object_count,
+        warnings=losses.lines(where) + (() if keep.any() else (nothing_usable(where),)),
+    )
+
+
+def nothing_usable(where: str) -> str:
+    """The warning of a mesh of which nothing is left."""
+    return f"{where}: has no usable triangles"
+
+
+def usable(
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    middle: NDArray[np.float64] | None,
+    losses: Losses,
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which triangles can be drawn, (m,) bool, and the vectors of these (see `shading.face_vectors`).
+
+    positions: (n, 3), anything. triangles: (m, 3), which may point outside. middle: (3,) what vertices may be no
+    further than ABSURD_METRES from along any axis; None: they are near each other. The others are counted in `losses`.
+    """
+    keep: NDArray[np.bool_] = np.all((triangles >= 0) & (triangles < len(positions)), axis=1)
+    losses.absent += int((~keep).sum())
+    losses.unfinite += _drop(keep, triangles, np.all(np.isfinite(positions), axis=1))
+    if middle is not None:
+        with np.errstate(invalid="ignore"):
+            losses.far += _drop(keep, triangles, np.all(np.abs(positions - middle) <= ABSURD_METRES, axis=1))
+    kept = triangles[keep].astype(np.uint32)
+    vectors = face_vectors(positions, kept)
+    solid = _with_area(positions, kept, vectors)
+    losses.flat += int((~solid).sum())
+    keep[keep] = solid
+    return keep, vectors if solid.all() else vectors[solid]
+
+
+def shaded(
+    raw: RawSurface,
+    triangles: NDArray[np.uint32],
+    vectors: NDArray[np.float64],
+    chosen: NDArray[np.intp] | None = None,
+) -> Mesh:
+    """The Mesh of usable triangles, its normals complete, of the first material and one object.
+
+    triangles: (m, 3) into the vertices of `raw`, whose own are not looked at. vectors: (m, 3) of these.
+    chosen: which of them become the mesh, in that order, once all have had their part in the normals; None: all.
+    """
     triangles, source, normals = fill_normals(raw.positions, vectors, triangles, _given_normals(raw), raw.crease_cosine)
+    if chosen is not None:
+        triangles = triangles[chosen]
     used = np.zeros(len(source), bool)
     used[triangles.ravel()] = True
     if not used.all():
         number = np.cumsum(used) - 1
         triangles, source, normals = number[triangles].astype(np.uint32), source[used], normals[used]
-    material = raw.triangle_material if raw.triangle_material is not None else np.zeros(len(keep), np.uint16)
     return Mesh(
         positions=np.ascontiguousarray(raw.positions[source], np.float64),
         triangles=np.ascontiguousarray(triangles),
         normals=normals.astype(np.float32),
         materials=raw.materials,
-        triangle_material=np.ascontiguousarray(material[keep]),
+        triangle_material=np.zeros(len(triangles), np.uint16),
         uvs=None if raw.uvs is None else _finite_uvs(raw.uvs[source]),
         colors=None if raw.colors is None else np.ascontiguousarray(raw.colors[source]),
-        triangle_object=None if raw.triangle_object is None else raw.triangle_object[keep],
-        object_count=raw.object_count,
-        warnings=tuple(warnings),
     )
 
 
@@ -101,37 +163,20 @@ def merge(parts: list[Mesh]) -> Mesh:
     )
 
 
-def _usable(raw: RawSurface, where: str, warnings: list[str]) -> NDArray[np.bool_]:
-    """(m,) bool: triangles whose vertices exist, are finite and lie near the others."""
-    inside: NDArray[np.bool_] = np.all((raw.triangles >= 0) & (raw.triangles < len(raw.positions)), axis=1)
-    if not inside.all():
-        count = counted(int((~inside).sum()), "triangle")
-        warnings.append(f"{where}: left out {count} with vertices that do not exist")
-    finite: NDArray[np.bool_] = np.all(np.isfinite(raw.positions), axis=1)
-    keep: NDArray[np.bool_] = inside.copy()
-    keep[inside] = finite[raw.triangles[inside]].all(axis=1)
-    if not finite.all():
-        lost = counted(int((inside & ~keep).sum()), "triangle")
-        warnings.append(f"{where}: left out {lost} with vertices that are NaN or infinite")
-    if finite.any():
-        _drop_far(raw, finite, keep, where, warnings)
-    return keep
+def _drop(keep: NDArray[np.bool_], triangles: NDArray[np.int64], good: Any) -> int:
+    """Takes triangles with a vertex that is not good out of `keep`; how many."""
+    before = int(keep.sum())
+    keep[keep] = good[triangles[keep]].all(axis=1)
+    return before - int(keep.sum())
 
 
-def _drop_far(
-    raw: RawSurface, finite: NDArray[np.bool_], keep: NDArray[np.bool_], where: str, warnings: list[str]
-) -> None:
-    points = raw.positions if finite.all() else raw.positions[finite]
-    if max(np.ptp(points[:, axis]) for axis in range(3)) <= ABSURD_METRES:
-        return
-    middle = np.median(points, axis=0)
-    with np.errstate(invalid="ignore"):
-        near: NDArray[np.bool_] = np.all(np.abs(raw.positions - middle) <= ABSURD_METRES, axis=1)
-    kept = keep.copy()
-    keep[kept] = near[raw.triangles[kept]].all(axis=1)
-    lost = int(kept.sum() - keep.sum())
-    if lost:
-        warnings.append(f"{where}: left out {counted(lost, 'triangle')} more than 10,000 km from the rest")
+def _absurd_middle(positions: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(3,) the median of the finite positions where they reach further than is believable, else None."""
+    finite = np.isfinite(positions).all(axis=1)
+    points = positions if finite.all() else positions[finite]
+    if not len(points) or max(np.ptp(points[:, axis]) for axis in range(3)) <= ABSURD_METRES:
+        return None
+    return np.asarray(np.median(points, axis=0))
 
 
 def _with_area(
@@ -145,12 +190,20 @@ def _with_area(
 
 def _given_normals(raw: RawSurface) -> NDArray[np.float64]:
     """(n, 3) unit; rows of NaN where the file has none, or one without direction."""
-    if raw.normals is None:
-        return np.full((len(raw.positions), 3), np.nan)
-    length = np.sqrt((raw.normals * raw.normals).sum(1, keepdims=True))
+    return np.full((len(raw.positions), 3), np.nan) if raw.normals is None else unit_or_missing(raw.normals)
+
+
+def unit_or_missing(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) unit; rows of NaN for those without direction."""
+    length = np.sqrt((normals * normals).sum(1, keepdims=True))
     good = np.isfinite(length) & (length > 1e-6)
-    scaled: NDArray[np.float64] = np.divide(raw.normals, length, out=np.full(raw.normals.shape, np.nan), where=good)
+    scaled: NDArray[np.float64] = np.divide(normals, length, out=np.full(normals.shape, np.nan), where=good)
     return scaled
+
+
+def visible(colors: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
+    """The colours, or None when they are all white and change nothing."""
+    return None if colors is None or (colors == 255).all() else colors
 
 
 def _finite_uvs(uvs: NDArray[np.float32]) -> NDArray[np.float32]:

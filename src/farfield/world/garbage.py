@@ -1,4 +1,5 @@
-"""Dropping what no longer belongs to a world: tiles of old generations, and notes about cells that are gone."""
+"""Dropping what no longer belongs to a world: tiles of old generations, notes about cells that are gone, and parts of
+the scene that no note names."""
 
 from __future__ import annotations
 
@@ -6,10 +7,10 @@ import re
 from dataclasses import dataclass, field
 
 from farfield.progress import NoProgress, Progress
-from farfield.scene.stored.scene import stored_chunks
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.attributes import attribute_tables
+from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
 from farfield.world.manifest import read_manifest
 from farfield.world.reach import first_index_tiles, parted, textures_of
@@ -34,7 +35,7 @@ class _Living:
     named: dict[str, dict[str, str]] = field(default_factory=dict)
     """Kind → cell → hash."""
     shared: set[str] = field(default_factory=set)
-    """Keys of meshes, textures, attributes and parts of the scene."""
+    """Keys of meshes, textures, attributes and scene chunks."""
 
     def holds(self, key: str) -> bool:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
@@ -71,10 +72,10 @@ def drop_garbage(store: Store, dry: bool = False, progress: Progress | None = No
 def _living(store: Store, progress: Progress) -> _Living:
     manifest = read_manifest(store)
     living = _Living({kind: {} for kind in ("orthoview", "objects", "geometry", "index")})
+    living.shared |= named_chunks(store)
     if manifest.attributes:
         living.shared.add(keys.attributes_key(manifest.attributes))
         living.shared.update(attribute_tables(store, manifest.attributes))
-    living.shared.update(keys.chunk_key(name) for name in stored_chunks(store))
     pending = first_index_tiles(manifest)
     progress.start(None, "cells read")
     while pending:

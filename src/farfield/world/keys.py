@@ -59,3 +59,8 @@ def chunk_key(name: str) -> str:
 def attributes_key(name: str) -> str:
     """Key of attributes of objects, or of the index of such tables; name: its content hash."""
     return f"attributes/{name}"
+
+
+def split_key(name: str) -> str:
+    """Key of the note that tells which chunks a mesh became (world.chunks); name: hash of its file and place there."""
+    return f"record/split/{name}"

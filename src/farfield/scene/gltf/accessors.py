@@ -15,24 +15,37 @@ _COMPONENT: dict[int, str] = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
-def accessor_array(document: Document, index: int) -> NDArray[Any]:
-    """(count, components) in the stored type. Raises InputError when the buffer is too short for it."""
+def accessor_count(document: Document, index: int) -> int:
+    """Rows of the accessor."""
+    return int(document.item("accessors", index)["count"])
+
+
+def accessor_array(document: Document, index: int, start: int = 0, stop: int | None = None) -> NDArray[Any]:
+    """(count, components) in the stored type; rows from `start` up to but not including `stop` (None: the end).
+
+    Raises InputError when the buffer is too short for it, or it has not so many rows.
+    """
     accessor = document.item("accessors", index)
     dtype, width, count = _layout(accessor)
+    stop = count if stop is None else stop
+    if stop > count:
+        raise InputError(f"is damaged: accessors[{index}] has {count:,} rows of {stop:,}", document.where, EXPORT_AGAIN)
     if "bufferView" in accessor:
-        values = _strided(document, accessor["bufferView"], accessor.get("byteOffset", 0), dtype, (count, width))
+        offset = accessor.get("byteOffset", 0)
+        values = _strided(document, accessor["bufferView"], offset, dtype, (count, width))[start:stop]
     else:
-        values = np.zeros((count, width), dtype)
+        values = np.zeros((stop - start, width), dtype)
     if "sparse" in accessor:
         values = values.copy()
         rows, replacement = _sparse(document, accessor["sparse"], dtype, width)
-        values[rows] = replacement
+        inside = (rows >= start) & (rows < stop)
+        values[rows[inside].astype(np.int64) - start] = replacement[inside]
     return values
 
 
-def accessor_floats(document: Document, index: int) -> NDArray[np.float64]:
-    """(count, components) float64, normalised integers scaled to -1..1 or 0..1 as glTF defines."""
-    values = accessor_array(document, index)
+def accessor_floats(document: Document, index: int, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
+    """(count, components) float64, normalised integers scaled to -1..1 or 0..1 as glTF defines; rows as above."""
+    values = accessor_array(document, index, start, stop)
     if document.item("accessors", index).get("normalized", False):
         return normalised(values)
     return values.astype(np.float64)

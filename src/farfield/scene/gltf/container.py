@@ -6,6 +6,7 @@ import base64
 import json
 import struct
 from functools import lru_cache
+from mmap import ACCESS_READ, MADV_DONTNEED, mmap
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -45,6 +46,7 @@ class Document:
         self.cache: dict[tuple[str, int], Any] = {}
         """Decoded images and materials by kind and index, shared by all meshes of the file."""
         self._buffers: dict[int, NDArray[np.uint8]] = {}
+        self._maps: list[mmap] = []
         _refuse_unsupported(self.json, self.where)
 
     def items(self, kind: str) -> list[dict[str, Any]]:
@@ -86,14 +88,29 @@ class Document:
             return np.frombuffer(raw, np.uint8)
         if "://" in uri:
             raise InputError(f"refers to {uri}, which is not a file", self.where, "download it beside the file")
-        path = existing_file(self.path.parent / unquote(uri))
-        return np.memmap(path, np.uint8, "r")
+        return self._mapped(existing_file(self.path.parent / unquote(uri)))
 
     def _own_chunk(self) -> NDArray[np.uint8]:
         start, length = self._chunk
         if not length:
             raise InputError("is damaged: it has no binary chunk", self.where, EXPORT_AGAIN)
-        return np.memmap(self.path, np.uint8, "r", start, (length,))
+        return self._mapped(self.path)[start : start + length]
+
+    def _mapped(self, path: Path) -> NDArray[np.uint8]:
+        with path.open("rb") as file:
+            self._maps.append(mmap(file.fileno(), 0, access=ACCESS_READ))
+        return np.frombuffer(self._maps[-1], np.uint8)
+
+    def files(self) -> tuple[Path, ...]:
+        """The file, and the buffers and images beside it that are there."""
+        uris = {entry.get("uri", "data:") for kind in ("buffers", "images") for entry in self.items(kind)}
+        names = sorted(unquote(uri) for uri in uris if not uri.startswith("data:") and "://" not in uri)
+        return (self.path, *(file for name in names if (file := self.path.parent / name).is_file()))
+
+    def release(self) -> None:
+        """Lets the system have back the memory of what was read: of a file that is read through, all would stay."""
+        for mapped in self._maps:
+            mapped.madvise(MADV_DONTNEED)
 
 
 def open_document(path: Path) -> Document:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 
@@ -13,8 +12,9 @@ from farfield.scene.assembly import scene_of
 from farfield.scene.faults import counted, reading
 from farfield.scene.gltf.container import Document, open_document
 from farfield.scene.gltf.nodes import placements
-from farfield.scene.gltf.primitives import drawable, mesh_of
+from farfield.scene.gltf.primitives import drawable, mesh_of, stream_of
 from farfield.scene.model import Mesh, MeshSource, Scene
+from farfield.scene.streams import MeshStream
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,11 @@ class GltfMesh:
         """Reads and decodes the mesh. Raises InputError."""
         with reading(self.name):
             return mesh_of(open_document(self.path), self.index, self.name)
+
+    def stream(self) -> MeshStream | None:
+        """See `StreamedSource.stream`."""
+        with reading(self.name):
+            return stream_of(open_document(self.path), self.index)
 
 
 def read_gltf(path: Path) -> Scene:
@@ -47,7 +52,8 @@ def read_gltf(path: Path) -> Scene:
         number = {index: row for row, index in enumerate(used)}
         mesh_rows = np.concatenate([np.full(len(t), number[mesh], np.int32) for mesh, t in placed])
         transforms = np.concatenate([t for _, t in placed])
-        return scene_of(sources, mesh_rows, transforms, source_bytes=_size(document), warnings=warnings)
+        size = sum(file.stat().st_size for file in document.files())
+        return scene_of(sources, mesh_rows, transforms, source_bytes=size, warnings=warnings)
 
 
 def _label(document: Document, index: int) -> str:
@@ -63,10 +69,3 @@ def _warnings(document: Document) -> tuple[str, ...]:
     if document.items("skins"):
         lines.append(f"{document.where}: skinned meshes are drawn in their bind pose")
     return tuple(lines)
-
-
-def _size(document: Document) -> int:
-    """Bytes of the file and of the buffers and images beside it."""
-    uris = {entry.get("uri", "data:") for kind in ("buffers", "images") for entry in document.items(kind)}
-    beside = [document.path.parent / unquote(uri) for uri in uris if not uri.startswith("data:") and "://" not in uri]
-    return document.path.stat().st_size + sum(file.stat().st_size for file in beside if file.is_file())

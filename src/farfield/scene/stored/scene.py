@@ -15,6 +15,7 @@ from farfield.scene.model import Instances, MeshSource, Scene
 from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chunk
 from farfield.scene.stored.sources import Words, print_of, source_of, words_of
 from farfield.store.contract import Store
+from farfield.world.chunks import put_scene_chunks
 from farfield.world.limits import Count, Vector
 
 KEY = "record/scene"
@@ -97,8 +98,10 @@ def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], ve
         "boxes": np.concatenate([summary.boxes for summary in summaries]) if summaries else np.empty((0, 2, 3)),
         "mesh": own.mesh,
         "transform": own.transform,
+        "first_object": own.first_object,
         "objects": own.objects,
     }
+    put_scene_chunks(store, (note.source["chunk"] for note in notes if "chunk" in note.source))
     store.put(KEY, encode_chunk(SceneChunk(KIND, msgspec.to_builtins(about), arrays)))
 
 
@@ -125,44 +128,38 @@ def decode_scene(data: bytes, store: Store, version: int) -> StoredScene | None:
         raise CorruptTileError(f"the scene's note is damaged: {error}", KEY, "bake the world again") from None
 
 
-def stored_chunks(store: Store) -> set[str]:
-    """Names of the chunks that the scene of the world in a store is made of. Raises CorruptTileError and StoreError."""
-    try:
-        about = decode_chunk(store.get(KEY), KIND, KEY).about
-        notes = msgspec.convert(about, _SceneNote).meshes
-    except MissingKeyError:
-        return set()
-    except msgspec.ValidationError as error:
-        raise CorruptTileError(f"the scene's note is damaged: {error}", KEY, "bake the world again") from None
-    return {name for note in notes if isinstance(name := note.source.get("chunk"), str)}
+def object_count(first: NDArray[np.int64], objects: NDArray[np.int64]) -> int:
+    """Objects of some instances: those with the same first object are the same."""
+    return int(objects[np.unique(first, return_index=True)[1]].sum())
 
 
 def _scene(about: _SceneNote, arrays: dict[str, NDArray[Any]], store: Store) -> StoredScene:
-    mesh, transform, objects = arrays["mesh"], arrays["transform"], arrays["objects"]
-    if {mesh.dtype.kind, objects.dtype.kind} != {"i"} or {transform.dtype.kind, arrays["boxes"].dtype.kind} != {"f"}:
+    mesh, transform, first, objects = (arrays[name] for name in ("mesh", "transform", "first_object", "objects"))
+    boxes = arrays["boxes"]
+    kinds = [{a.dtype.kind for a in like} for like in ((mesh, first, objects), (transform, boxes))]
+    if kinds != [{"i"}, {"f"}]:
         raise ValueError("arrays of other kinds")
     count, meshes, blocks = len(mesh), len(about.meshes), sum(note.blocks for note in about.meshes)
-    shapes = ((count,), (count, 3, 4), (count,), (blocks, 2, 3))
-    if tuple(a.shape for a in (mesh, transform, objects, arrays["boxes"])) != shapes:
+    shapes = ((count,), (count, 3, 4), (count,), (count,), (blocks, 2, 3))
+    if tuple(a.shape for a in (mesh, transform, first, objects, boxes)) != shapes:
         raise ValueError("arrays of different lengths")
     parts = about.attribute_parts
     if count and (int(mesh.min()) < 0 or int(mesh.max()) >= meshes or int(objects.min()) < 0):
         raise ValueError("instances of no mesh")
     if len(parts) not in (0, count) or (count and int(objects.max()) > 1 << 32):
         raise ValueError("attributes that do not fit, or more objects than there are ids")
-    if not ((np.abs(transform) <= _LARGEST).all() and (np.abs(arrays["boxes"]) <= _LARGEST).all()):
+    if not ((np.abs(transform) <= _LARGEST).all() and (np.abs(boxes) <= _LARGEST).all()):
         raise ValueError("a coordinate that is no number, or too large")
     ends = np.cumsum([note.blocks for note in about.meshes], dtype=np.int64)
-    boxes = np.split(arrays["boxes"], ends[:-1])
-    first = np.cumsum(objects) - objects + 1
+    of_mesh = np.split(boxes, ends[:-1])
     scene = Scene(
         tuple(source_of(note.source, store) for note in about.meshes),
-        Instances(mesh.astype(np.int32), transform.astype(np.float64), first, objects.astype(np.int64)),
-        about.name, about.crs, about.origin, about.credits, about.source_bytes, int(objects.sum()),
+        Instances(mesh.astype(np.int32), transform.astype(np.float64), first, objects),
+        about.name, about.crs, about.origin, about.credits, about.source_bytes, object_count(first, objects),
         attribute_parts=parts, families=about.families,
     )  # fmt: skip
     summaries = [
         MeshSummary(own, note.triangles, note.content, note.notes)
-        for own, note in zip(boxes, about.meshes, strict=True)
+        for own, note in zip(of_mesh, about.meshes, strict=True)
     ]
     return StoredScene(scene, summaries)

@@ -10,6 +10,7 @@ from farfield.scene.gltf.read import GltfMesh
 from farfield.scene.model import MeshSource
 from farfield.scene.procedural.ground import GroundPlane
 from farfield.scene.stored.footprints import StoredFootprints
+from farfield.scene.stored.piece import StoredPiece
 from farfield.scene.surfaces.obj import parse_obj
 from farfield.scene.surfaces.ply import parse_ply
 from farfield.scene.surfaces.source import FileMesh
@@ -27,6 +28,8 @@ def words_of(source: MeshSource) -> Words | None:
         case StoredFootprints():
             names = ("chunk", "family", "level", "prefix", "count", "facades")
             return {"kind": "footprints", **{name: getattr(source, name) for name in names}}
+        case StoredPiece():
+            return {"kind": "piece", "chunk": source.chunk, "name": source.name}
         case GltfMesh():
             return {"kind": "gltf", "path": _absolute(source.path), "index": source.index, "name": source.name}
         case FileMesh():
@@ -43,6 +46,8 @@ def source_of(words: Words, store: Store) -> MeshSource:
     kind = facts.pop("kind")
     if kind == "footprints":
         return StoredFootprints(store, **facts)
+    if kind == "piece":
+        return StoredPiece(store, **facts)
     if kind == "gltf":
         return GltfMesh(Path(facts["path"]), int(facts["index"]), str(facts["name"]))
     if kind == "ground":

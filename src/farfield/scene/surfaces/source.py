@@ -12,15 +12,18 @@ from farfield.scene.assembly import IDENTITY, scene_of
 from farfield.scene.cleaning import RawSurface, assemble
 from farfield.scene.faults import reading
 from farfield.scene.model import Mesh, Scene
+from farfield.scene.streams import MeshStream, SurfaceStream
 
 
 @dataclass(frozen=True, slots=True)
 class FileMesh:
-    """The mesh of one file; `parse` must be a module-level function, so that the source can be pickled."""
+    """The mesh of one file; its functions must be those of a module, so that the source can be pickled."""
 
     path: Path
     parse: Callable[[Path], tuple[RawSurface, tuple[str, ...]]]
     """Path -> the surface, and warnings."""
+    open: Callable[[Path], SurfaceStream | None] | None = None
+    """Path -> the surface to be read a part at a time, of which only the header is read; None: it cannot be."""
 
     @property
     def name(self) -> str:
@@ -33,6 +36,14 @@ class FileMesh:
             raw, warnings = self.parse(self.path)
             mesh = assemble(raw, self.name)
         return replace(mesh, warnings=warnings + mesh.warnings)
+
+    def stream(self) -> MeshStream | None:
+        """See `StreamedSource.stream`."""
+        if self.open is None:
+            return None
+        with reading(self.name):
+            surface = self.open(self.path)
+        return None if surface is None else MeshStream((surface,), (self.path,))
 
 
 def single_mesh_scene(source: FileMesh, source_bytes: int, warnings: tuple[str, ...] = ()) -> Scene:

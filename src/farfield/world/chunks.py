@@ -1,0 +1,49 @@
+"""Notes of the bake that name scene chunks: what no note names is garbage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from farfield.errors import MissingKeyError
+from farfield.store.contract import Store
+from farfield.world.keys import chunk_key
+from farfield.world.limits import DAMAGE, Count, Hash
+
+NOTES = ("record/split",)
+"""Folders of such notes."""
+SCENE = "record/chunks.json"
+"""The names of those that the scene of the world is made of, in a list."""
+
+
+class ChunkNote(msgspec.Struct, frozen=True):
+    """What every such note says; it may say more."""
+
+    chunks: tuple[tuple[Hash, Count], ...]
+    """Hash and bytes of each chunk."""
+
+
+def named_chunks(store: Store) -> set[str]:
+    """Keys of all chunks that a note names; a note that cannot be read names none, for nobody else can read it."""
+    named = {chunk_key(name) for name in _of_scene(store)}
+    for folder in NOTES:
+        for key in store.list(folder):
+            try:
+                note = msgspec.json.decode(store.get(key), type=ChunkNote)
+            except DAMAGE:
+                continue
+            named.update(chunk_key(name) for name, _ in note.chunks)
+    return named
+
+
+def put_scene_chunks(store: Store, names: Iterable[str]) -> None:
+    """Notes what the scene is made of."""
+    store.put(SCENE, msgspec.json.encode(sorted(set(names))))
+
+
+def _of_scene(store: Store) -> list[str]:
+    try:
+        return msgspec.json.decode(store.get(SCENE), type=list[Hash])
+    except (MissingKeyError, *DAMAGE):
+        return []
