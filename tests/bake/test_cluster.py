@@ -12,6 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,17 +22,21 @@ from bake.clusters import LocalCluster
 from bake.scenes import Held, ground, scene_of, village
 from bake.test_bake import SMALL, contents
 from bake.test_interruptions import records
+from farfield.bake import bake as baking
 from farfield.bake import cluster
 from farfield.bake.bake import bake
 from farfield.bake.cluster_worker import TOKEN_KEY, Expected, SceneOnWorker, versions
 from farfield.bake.options import BakeOptions
+from farfield.bake.partition import split_large
 from farfield.cli import main
 from farfield.errors import ClusterError, MissingExtraError, OptionError, StoreError
 from farfield.progress import NoProgress
 from farfield.scene.model import Mesh, Scene
 from farfield.scene.procedural.objects import ObjectsOptions, make_objects
+from farfield.scene.read import read_scene
 from farfield.store.directory import DirectoryStore
 from farfield.store.memory import MemoryStore
+from scene.stored.large import write_stone
 
 distributed = pytest.importorskip("distributed")
 
@@ -126,6 +131,17 @@ def test_the_bytes_are_those_of_a_local_bake_and_each_view_is_fetched_at_most_on
     with distributed.Client(two.address, set_as_default=False) as client:
         moved = client.run(lambda dask_worker: dask_worker.state.transfer_incoming_count_total)
     assert set(moved.values()) == {0}, "nothing goes from worker to worker beside that"
+
+
+def test_pieces_of_a_large_mesh_are_read_by_the_workers(
+    two: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(baking, "split_large", partial(split_large, limit=10_000, most=300))
+    scene, here = read_scene([write_stone(tmp_path / "stone.ply", 12)]), MemoryStore()
+    bake(scene, here, replace(SMALL, leaf_size=0.5))
+    bake(scene, DirectoryStore(tmp_path / "world"), replace(on(two.address), leaf_size=0.5))
+    assert len(list(here.list("record/chunk"))) > 5
+    assert contents(DirectoryStore(tmp_path / "world")) == contents(here)
 
 
 def test_a_worker_killed_in_the_middle_costs_nothing_that_was_finished(

@@ -72,7 +72,7 @@ def ordered(chunk: Chunk) -> Chunk:
     """The same triangles along a space-filling curve, in an order that they alone decide.
 
     Two facets that meet in a silhouette are equally deep along it, and the earlier is seen: in this order the pictures
-    of a mesh and of its pieces are the same to the bit. 3 ms for 20,000 triangles, 2 % of drawing them.
+    of a mesh and of its pieces are the same to the bit. 8 ms for 20,000 triangles, beside 320 of drawing them.
     """
     corners = chunk.positions[chunk.triangles]
     middles = corners[:, 0].astype(np.float64) + corners[:, 1] + corners[:, 2]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from farfield.errors import CorruptTileError, InputError
+from farfield.errors import CorruptTileError, InputError, StoreError
 from farfield.progress import NoProgress
 from farfield.scene.cleaning import RawSurface, assemble
 from farfield.scene.gltf import materials, primitives
@@ -248,6 +248,20 @@ def test_files_that_are_cut_short(make: Callable[[Path], Path], share: float, tm
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(InputError, match="truncated"):
         split(source, MemoryStore())
+
+
+def test_a_file_that_makes_no_sense(tmp_path: Path) -> None:
+    """Whatever a reader trips over is the file's fault, so that the rest of a scene still bakes."""
+    path = plain_ply(tmp_path)
+    source = read_scene([path]).meshes[0]
+    path.write_bytes(path.read_bytes().replace(b"list uchar", b"list  char").replace(b"\x03", b"\xff"))
+    with pytest.raises(InputError, match="damaged: a face of -1 corners"):
+        split(source, MemoryStore())
+
+
+def test_no_room_for_temporary_files(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="TMPDIR"):
+        SortedRecords(tmp_path / "gone" / "records", order.TRIANGLE)
 
 
 def test_a_damaged_piece_is_never_left_out_in_silence(tmp_path: Path) -> None:

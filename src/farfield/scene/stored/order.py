@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from farfield.geometry.morton import BITS, morton_codes
 from farfield.progress import Progress
 from farfield.scene.cleaning import ABSURD_METRES, Losses, unit_or_missing, usable
-from farfield.scene.stored.sorting import SortedRecords
+from farfield.scene.stored.sorting import SortedRecords, scratch
 from farfield.scene.streams import BATCH, SurfaceStream, Vertices, gather
 
 TRIANGLE = np.dtype([("triangle", "<i8"), ("corners", "<i8", (3,))])
@@ -83,7 +83,7 @@ class Order:
             number += len(corners)
             progress.advance(len(corners))
         count = 0
-        with (folder / _CODES).open("wb") as codes, (folder / _TRIANGLES).open("wb") as triangles:
+        with scratch(folder), (folder / _CODES).open("wb") as codes, (folder / _TRIANGLES).open("wb") as triangles:
             for batch in coded.batches():
                 codes.write(batch["code"].tobytes())
                 triangles.write(batch[["triangle", "corners"]].astype(TRIANGLE).tobytes())

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from farfield.errors import InputError, MissingKeyError
 from farfield.progress import Progress
 from farfield.scene.cleaning import Losses, RawSurface, nothing_usable, shaded, visible
+from farfield.scene.faults import reading
 from farfield.scene.model import Mesh, Texture
 from farfield.scene.shading import face_vectors
 from farfield.scene.stored.order import TRIANGLE, Extent, Order
@@ -49,28 +50,43 @@ def write_pieces(
     Takes about 600 bytes of memory for each triangle of a piece, and 100 bytes on disk (where temporary files go)
     for each of the mesh. Raises InputError and StoreError.
     """
-    pieces: list[tuple[str, int]] = []
-    textures: dict[Texture, tuple[str, int]] = {}
-    warnings: list[str] = []
-    for surface in stream.surfaces:
-        texture = surface.material.texture
-        if texture is not None and texture not in textures:
-            textures[texture] = _put(store, encode_texture(texture))
-        losses, before = Losses(), len(pieces)
-        with tempfile.TemporaryDirectory(prefix="farfield-") as folder:
-            progress.start(surface.faces, f"triangles of {where} sorted")
-            order = Order.of(surface, _extent(surface, where), Path(folder), losses, progress)
-            progress.finish()
-            cuts = order.cuts(most)
-            progress.start(len(cuts), f"pieces of {where} written")
-            for mesh in _meshes(surface, order, cuts, Path(folder)):
-                pieces.append(_put(store, encode_piece(mesh, "" if texture is None else textures[texture][0])))
-                progress.advance()
-            progress.finish()
-        warnings += (*surface.warnings, *losses.lines(where))
-        if len(pieces) == before:
-            warnings.append(nothing_usable(where))
-    return Pieces(tuple(pieces), tuple(dict.fromkeys(textures.values())), tuple(warnings))
+    found = _Found([], {}, [])
+    with reading(where):
+        for surface in stream.surfaces:
+            _write_surface(surface, store, where, progress, most, found)
+    return Pieces(tuple(found.pieces), tuple(dict.fromkeys(found.textures.values())), tuple(found.warnings))
+
+
+@dataclass(slots=True)
+class _Found:
+    """Pieces, while they are becoming more."""
+
+    pieces: list[tuple[str, int]]
+    textures: dict[Texture, tuple[str, int]]
+    warnings: list[str]
+
+
+def _write_surface(
+    surface: SurfaceStream, store: Store, where: str, progress: Progress, most: int, found: _Found
+) -> None:
+    texture = surface.material.texture
+    if texture is not None and texture not in found.textures:
+        found.textures[texture] = _put(store, encode_texture(texture))
+    name = "" if texture is None else found.textures[texture][0]
+    losses = Losses()
+    with tempfile.TemporaryDirectory(prefix="farfield-") as folder:
+        progress.start(surface.faces, f"triangles of {where} sorted")
+        order = Order.of(surface, _extent(surface, where), Path(folder), losses, progress)
+        progress.finish()
+        cuts = order.cuts(most)
+        progress.start(len(cuts), f"pieces of {where} written")
+        for mesh in _meshes(surface, order, cuts, Path(folder)):
+            found.pieces.append(_put(store, encode_piece(mesh, name)))
+            progress.advance()
+        progress.finish()
+    found.warnings += (*surface.warnings, *losses.lines(where))
+    if not cuts:
+        found.warnings.append(nothing_usable(where))
 
 
 def _extent(surface: SurfaceStream, where: str) -> Extent:

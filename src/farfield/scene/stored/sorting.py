@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.errors import StoreError
+
 _LEAST = 1 << 10
 """Records of a run that are read at a time, however many runs there are."""
+
+
+@contextmanager
+def scratch(path: Path) -> Iterator[None]:
+    """While a temporary file is written. Raises StoreError, for it is not the source that is at fault."""
+    try:
+        yield
+    except OSError as error:
+        what = f"a temporary file cannot be written: {error.strerror or error}"
+        raise StoreError(what, str(path), "make room there, or set TMPDIR to a folder that has it") from error
 
 
 class SortedRecords:
@@ -23,7 +36,8 @@ class SortedRecords:
         self._waiting: list[NDArray[Any]] = []
         self._runs: list[_Run] = []
         self._written = 0
-        path.write_bytes(b"")
+        with scratch(path):
+            path.write_bytes(b"")
 
     def add(self, records: NDArray[Any]) -> None:
         """Takes records in any order."""
@@ -50,7 +64,7 @@ class SortedRecords:
         if not self._waiting:
             return
         records = _sorted(np.concatenate(self._waiting))
-        with self._path.open("ab") as file:
+        with scratch(self._path), self._path.open("ab") as file:
             file.write(records.tobytes())
         self._runs.append(_Run(self._path, self._dtype, self._written, self._written + len(records)))
         self._written += len(records)
