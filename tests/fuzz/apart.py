@@ -1,11 +1,12 @@
 """A process in which cases are judged, apart from the tests.
 
-Tracing memory and stopping what hangs have crashed an interpreter in which threads of servers and clusters ran beside;
-and what a kernel does to memory that is not its own would end the tests.
+Tracing memory exchanges the interpreter's allocator, which threads of servers and clusters may be using without its
+lock; and what a kernel does to memory that is not its own would end the tests.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import warnings
 from multiprocessing.connection import Connection
@@ -30,16 +31,18 @@ class Apart:
             line.send((decoder, data, seconds))
             found: Outcome | Fault = line.recv()
         except (EOFError, OSError):
-            self.end()
-            return Fault(decoder, "ends the process", data)
+            return Fault(decoder, f"ends the process, exit code {self.end()}", data)
         return found
 
-    def end(self) -> None:
-        """Ends the process, if there is one."""
+    def end(self) -> int | None:
+        """Ends the process, if there is one; its exit code."""
+        code = None
         if self._line is not None and self._process is not None:
             self._line.close()
             self._process.join()
+            code = self._process.exitcode
         self._line = self._process = None
+        return code
 
     def _begin(self) -> Connection:
         spawn = multiprocessing.get_context("spawn")
@@ -51,6 +54,7 @@ class Apart:
 
 
 def _serve(line: Connection) -> None:
+    faulthandler.enable()
     # As in the other tests: an overflow in numpy is a number that should have been refused.
     warnings.simplefilter("error")
     table = {**decoders(), **FAULTY}

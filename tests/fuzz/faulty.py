@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 from collections.abc import Callable
@@ -15,6 +16,11 @@ def hangs(_: bytes) -> Never:
     """Does not return."""
     while True:
         pass
+
+
+def sticks(_: bytes) -> bytes:
+    """In compiled code, which no error can interrupt."""
+    return hashlib.pbkdf2_hmac("sha256", b"", b"", (1 << 31) - 1)
 
 
 def fails(_: bytes) -> Never:
@@ -47,7 +53,7 @@ def _decoder(decode: Callable[[bytes], Any], use: Callable[[Any], None] = lambda
     return Decoder("made up", decode, (b"",), (), lambda data: 1_000_000, use)
 
 
-FAULTY = {decode.__name__: _decoder(decode) for decode in (hangs, fails, devours, dies, refuses, reads)} | {
+FAULTY = {decode.__name__: _decoder(decode) for decode in (hangs, sticks, fails, devours, dies, refuses, reads)} | {
     "unusable": _decoder(reads, fails)
 }
 """By name; unusable: what it reads cannot be used."""

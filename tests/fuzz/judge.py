@@ -17,8 +17,9 @@ from fuzz.table import Decoder
 
 SECONDS = 2.0
 """Processor time within which every case must end; honest values of these sizes take milliseconds."""
-_STUCK_SECONDS = 60.0
-"""After which compiled code that does not come back ends the process, with a traceback."""
+STUCK = 60
+"""Times as many seconds by the clock, after which compiled code that does not come back ends the process, with a
+traceback."""
 
 
 class Hang(BaseException):
@@ -61,23 +62,29 @@ def case(decoder: Decoder, rng: Random) -> bytes:
 
 @contextmanager
 def watched() -> Iterator[None]:
-    """The clock that `judge` sets raises Hang in the main thread."""
+    """The clocks that `judge` sets raise Hang in the main thread, and end the process.
+
+    Not with `faulthandler.dump_traceback_later`: it starts a thread for every case, which on its way frees memory
+    without the interpreter's lock, while tracemalloc exchanges the functions that do so: one of eight busy
+    processes crashed within half a minute.
+    """
 
     def ring(signum: int, frame: Any) -> None:
         raise Hang
 
     before = signal.signal(signal.SIGPROF, ring)
+    faulthandler.register(signal.SIGALRM, chain=True)
     try:
         yield
     finally:
         signal.signal(signal.SIGPROF, before)
-        faulthandler.cancel_dump_traceback_later()
+        faulthandler.unregister(signal.SIGALRM)
 
 
 def judge(decoder: Decoder, data: bytes, seconds: float = SECONDS) -> Outcome | Fault:
     """Decodes the bytes and looks at what happens. Inside `watched` only."""
     bound = decoder.bound(data)
-    faulthandler.dump_traceback_later(_STUCK_SECONDS, exit=True)
+    signal.setitimer(signal.ITIMER_REAL, STUCK * seconds)
     signal.setitimer(signal.ITIMER_PROF, seconds)
     tracemalloc.start()
     try:
@@ -88,6 +95,7 @@ def judge(decoder: Decoder, data: bytes, seconds: float = SECONDS) -> Outcome | 
         return Fault(decoder.name, f"raises {type(error).__name__}: {str(error)[:200]}", data)
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.setitimer(signal.ITIMER_REAL, 0)
         tracemalloc.stop()
     if took > bound:
         return Fault(decoder.name, f"allocates {took} bytes, more than {bound}", data)

@@ -115,11 +115,12 @@ def test_at_length(tmp_path: Path) -> None:
         ("fails", "raises IndexError"),
         ("devours", "allocates 100000"),
         ("unusable", "raises IndexError"),
-        ("dies", "ends the process"),
+        ("dies", "ends the process, exit code -9"),
+        ("sticks", "ends the process, exit code -14"),
     ],
 )
 def test_the_judge_finds_what_it_is_there_to_find(apart: Apart, faulty: str, says: str) -> None:
-    found = apart.judge(faulty, b"", seconds=0.2)
+    found = apart.judge(faulty, b"", seconds=0.05)
     assert isinstance(found, Fault)
     assert says in found.what
     assert apart.judge("reads", b"").read  # type: ignore[union-attr]
