@@ -22,8 +22,8 @@ from bake.clusters import LocalCluster
 from bake.scenes import Held, ground, scene_of, village
 from bake.test_bake import SMALL, contents
 from bake.test_interruptions import records
-from farfield.bake import bake as baking
 from farfield.bake import cluster
+from farfield.bake import partition as partitioning
 from farfield.bake.bake import bake
 from farfield.bake.cluster_worker import TOKEN_KEY, Expected, SceneOnWorker, versions
 from farfield.bake.options import BakeOptions
@@ -136,7 +136,7 @@ def test_the_bytes_are_those_of_a_local_bake_and_each_view_is_fetched_at_most_on
 def test_pieces_of_a_large_mesh_are_read_by_the_workers(
     two: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(baking, "split_large", partial(split_large, limit=10_000, most=300))
+    monkeypatch.setattr(partitioning, "split_large", partial(split_large, limit=10_000, most=300))
     scene, here = read_scene([write_stone(tmp_path / "stone.ply", 12)]), MemoryStore()
     bake(scene, here, replace(SMALL, leaf_size=0.5))
     bake(scene, DirectoryStore(tmp_path / "world"), replace(on(two.address), leaf_size=0.5))

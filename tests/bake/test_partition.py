@@ -17,8 +17,8 @@ import pytest
 from numpy.typing import NDArray
 
 from bake.scenes import ground, scene_of, village
-from farfield.bake import bake as baking
 from farfield.bake import partition
+from farfield.bake import partition as partitioning
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.bake.partition import LIMIT, split_large
@@ -66,7 +66,7 @@ def source(tmp_path: Path) -> Path:
 @pytest.fixture
 def splits_small(monkeypatch: pytest.MonkeyPatch) -> None:
     """A bake splits what is larger than a few kilobytes."""
-    monkeypatch.setattr(baking, "split_large", partial(split_large, **SMALL))
+    monkeypatch.setattr(partitioning, "split_large", partial(split_large, **SMALL))
 
 
 def tiles(store: Store) -> dict[str, bytes]:
@@ -109,7 +109,7 @@ def test_the_pictures_are_those_of_the_whole(source: Path, instances: int, split
     result = bake(scene, split, OPTIONS)
     whole = MemoryStore()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(baking, "split_large", split_large)
+        patch.setattr(partitioning, "split_large", split_large)
         expected = bake(scene, whole, OPTIONS)
     assert len(tiles(whole)) > 500
     assert tiles(split) == tiles(whole)

@@ -38,8 +38,12 @@ def named_chunks(store: Store) -> set[str]:
 
 
 def put_scene_chunks(store: Store, names: Iterable[str]) -> None:
-    """Notes what the scene is made of."""
-    store.put(SCENE, msgspec.json.encode(sorted(set(names))))
+    """Notes what the scene is made of; without a note where that is nothing."""
+    listed = sorted(set(names))
+    if listed:
+        store.put(SCENE, msgspec.json.encode(listed))
+    else:
+        store.delete(SCENE)
 
 
 def _of_scene(store: Store) -> list[str]:

@@ -86,6 +86,7 @@ def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], ve
         words = words_of(source)
         if words is None:
             store.delete(KEY)
+            put_scene_chunks(store, ())
             return
         notes.append(_MeshNote(words, print_of(source), summary.triangles, summary.content, len(summary.boxes),
                                summary.notes))  # fmt: skip
