@@ -366,7 +366,7 @@ def test_twelve_million_triangles_take_little_memory(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["stl", "glb"])
 def test_other_formats_take_little_memory(form: str, tmp_path: Path) -> None:
-    """3 million triangles as STL; 8 million as GLB, which shares vertices and has normals."""
+    """3 million triangles as STL; 8 million as GLB without normals, of which each corner becomes a vertex."""
     from scene.small_gltf import GltfFile
 
     points, faces = hills(1230 if form == "stl" else 2000)
@@ -379,5 +379,5 @@ def test_other_formats_take_little_memory(form: str, tmp_path: Path) -> None:
         file.node(mesh=file.mesh(attributes, indices=file.accessor(faces.astype(np.uint32).ravel())))
         file.write(source)
     split, whole = (peak_of_a_bake(tmp_path, source, how) for how in ("split", "whole"))
-    assert split < 1.1e9
+    assert split < 1.3e9
     assert whole > 1.5 * split
