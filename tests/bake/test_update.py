@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,3 +67,19 @@ def test_a_world_in_another_crs_is_refused(scene: Path, tmp_path: Path, capsys: 
     scene.write_text('crs = "EPSG:6677"\n' + text)
     assert main(["update", str(place), str(scene)]) == 1
     assert "the source has CRS EPSG:6677, the world None" in capsys.readouterr().err
+
+
+def test_a_changed_mesh_is_noticed(scene: Path, tmp_path: Path) -> None:
+    """What is known of meshes from the bake before holds while their files are as they were."""
+    place = tmp_path / "world"
+    bake_sources([scene], place, OPTIONS)
+    mesh = scene.parent / "object-1.glb"
+    other = make_objects(tmp_path / "other", ObjectsOptions(count=24, triangles=500, kinds=3, seed=7)).path
+    mesh.write_bytes((other.parent / "object-1.glb").read_bytes())
+    facts = update_place(place, [scene], workers=1)
+    assert facts["cells_rebuilt"] > 0
+    whole = tmp_path / "whole"
+    corner = read_manifest(DirectoryStore(place)).grid.corner
+    bake_sources([scene], whole, replace(OPTIONS, corner=corner))
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)

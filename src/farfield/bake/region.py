@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from farfield.bake.survey import MeshCache, survey, survey_mesh
 from farfield.errors import OptionError
 from farfield.progress import Progress
-from farfield.represent.blocks import transformed_boxes
 from farfield.scene.footprints import order
 from farfield.scene.footprints.change import Columns, Standing, Table, replaced, tables_of
 from farfield.scene.footprints.features import FootprintChunk, chunk_at
@@ -131,9 +130,11 @@ def _within(scene: Scene, summaries: Sequence[MeshSummary], region: Region) -> N
     for mesh, summary in enumerate(summaries):
         if not len(summary.boxes):
             continue
-        around = np.stack([summary.boxes[:, 0].min(0), summary.boxes[:, 1].max(0)])[None]
-        for row in np.flatnonzero(own.mesh == mesh):
-            boxes[row] = transformed_boxes(around, own.transform[row])[0]
+        low, high = summary.boxes[:, 0].min(0), summary.boxes[:, 1].max(0)
+        rows = own.mesh == mesh
+        middle = own.transform[rows, :, :3] @ ((low + high) / 2) + own.transform[rows, :, 3]
+        reach = np.abs(own.transform[rows, :, :3]) @ ((high - low) / 2)
+        boxes[rows] = np.stack([middle - reach, middle + reach], 1)
     # A mesh in pieces is one thing.
     _, which = np.unique(own.first_object, return_inverse=True)
     whole = np.tile([[np.inf] * 3, [-np.inf] * 3], (int(which.max(initial=-1)) + 1, 1, 1))

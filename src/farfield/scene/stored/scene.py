@@ -65,15 +65,19 @@ class StoredScene:
     scene: Scene
     """Without columns of attributes: they are stored by part."""
     summaries: list[MeshSummary]
+    prints: list[list[int] | None]
+    """(meshes,) `print_of` each source when it was summed up."""
 
     def known(self, sources: Sequence[MeshSource]) -> list[MeshSummary | None]:
-        """What is known of other sources because they are among those of the scene, and have not changed."""
-        have = {_identity(s): summary for s, summary in zip(self.scene.meshes, self.summaries, strict=True)}
-        return [have.get(_identity(source)) for source in sources]
+        """What is known of other sources because they are among those of the scene, and have not changed since."""
+        mine = zip(self.scene.meshes, self.prints, self.summaries, strict=True)
+        have = {_identity(source, before): summary for source, before, summary in mine if summary.content}
+        return [have.get(_identity(source, now)) if (now := print_of(source)) is not None else None
+                for source in sources]  # fmt: skip
 
 
-def _identity(source: MeshSource) -> bytes:
-    return msgspec.json.encode((words_of(source), print_of(source)))
+def _identity(source: MeshSource, print: list[int] | None) -> bytes:
+    return msgspec.json.encode((words_of(source), print))
 
 
 def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], version: int) -> None:
@@ -163,4 +167,4 @@ def _scene(about: _SceneNote, arrays: dict[str, NDArray[Any]], store: Store) -> 
         MeshSummary(own, note.triangles, note.content, note.notes)
         for own, note in zip(of_mesh, about.meshes, strict=True)
     ]
-    return StoredScene(scene, summaries)
+    return StoredScene(scene, summaries, [note.print for note in about.meshes])
