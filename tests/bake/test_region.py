@@ -203,3 +203,17 @@ def test_moved_footprints_are_refused(tmp_path: Path, capsys: pytest.CaptureFixt
     bake_sources([scene], place, OPTIONS)
     assert main(["update", str(place), str(scene), "--region", "170,100,260,200"]) == 2
     assert "moves cannot be replaced by region" in capsys.readouterr().err
+
+
+def test_a_leaf_in_which_nothing_changed_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All buildings are one mesh, which reaches into every leaf; one of them grows."""
+    monkeypatch.setattr("farfield.scene.footprints.order.BUILDINGS_PER_MESH", 1024)
+    place = tmp_path / "world"
+    bake_sources([write(tmp_path / "town.geojson", BUILDINGS)], place, OPTIONS)
+    grown = [(x, y, height + 7 * ((x, y) == (200, 120)), name) for x, y, height, name in BUILDINGS]
+    source = write(tmp_path / "town.geojson", grown)
+    facts = update_place(place, [source], workers=1, region=(195.0, 115.0, 225.0, 140.0))
+    assert 0 < facts["cells_rebuilt"] <= 4 + 4 + 2 + 1
+    whole = whole_world(source, tmp_path / "whole", place)
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)

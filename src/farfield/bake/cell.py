@@ -22,12 +22,14 @@ class Record(msgspec.Struct, frozen=True):
     """Note of the bake about a finished cell. Written after all that it names."""
 
     input: str
-    """Hash of everything that the cell was made from."""
+    """Hash of everything that the cell was made from; of a cell above the leaves, of what its pictures were."""
     entry: CellEntry
     triangles: Count = 0
     """Source triangles drawn in the leaf, pieces counted."""
     object_bytes: Count = 0
     """Bytes of its object id tiles."""
+    drawn: str = ""
+    """Of a leaf: hash of what its pictures were drawn from, its own part of the meshes that reach into it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,11 +120,16 @@ class BakedCell:
 
 def read_record(store: Store, key: CellKey, input_hash: str) -> Record | None:
     """The record of a cell made from the same input, or None: then the cell is baked anew."""
+    record = latest_record(store, key)
+    return record if record is not None and record.input == input_hash else None
+
+
+def latest_record(store: Store, key: CellKey) -> Record | None:
+    """The record of a cell, whatever it was made from; None: there is none that can be read."""
     try:
-        record = decode_record(store.get(record_key(key)), key)
+        return decode_record(store.get(record_key(key)), key)
     except (MissingKeyError, CorruptTileError):
         return None
-    return record if record.input == input_hash else None
 
 
 def decode_record(data: bytes, key: CellKey) -> Record:

@@ -69,6 +69,7 @@ class BakeContext:
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
         self._textures: dict[int, tuple[Texture, str]] = {}
         self._mesh_files: dict[int, tuple[str, int]] = {}
+        self._looks: dict[Material, bytes] = {}
 
     def each(self, work: Callable[[_One], _Made], things: Iterable[_One]) -> Iterator[_Made]:
         """What `work` makes of each, in order; kernels, encoders and stores let other threads run meanwhile."""
@@ -106,6 +107,14 @@ class BakeContext:
             # The texture is kept with its hash: its id must not be given to another while the entry stands.
             self._textures[id(texture)] = (texture, name)
         return self._textures[id(texture)][1]
+
+    def material_hash(self, material: Material) -> bytes:
+        """Over all that shows of a material."""
+        if material not in self._looks:
+            own = (material.base_color, material.alpha_cutoff, material.double_sided, material.unlit)
+            texture = b"" if material.texture is None else material.texture.pixels.tobytes()
+            self._looks[material] = content_hash(repr(own).encode(), texture).encode()
+        return self._looks[material]
 
     def mesh_file(self, mesh: int) -> tuple[str, int]:
         """Stores a shared mesh once; its hash and bytes."""

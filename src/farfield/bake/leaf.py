@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 
-from farfield.bake.cell import BakedCell, Record, Tally, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, latest_record, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
@@ -36,22 +37,39 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         return None
     materials = context.materials(tuple(parts))
     chunk = ordered(merge([piece for pieces in parts.values() for piece in pieces]))
-    tiles = _draw(context, key, chunk, materials)
+    drawn = _drawn_hash(context, chunk, materials)
     geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
-    cell_hash = store_tiles(context, key, tiles)
-    entry = CellEntry(
-        key=str(key),
-        bounds=_bounds(context, key, chunk),
-        error=context.grid.pitch(0),
-        hash=cell_hash,
-        tiles=tiles.listing(),
-        views=tiles.views,
-        geometry=geometry,
-        output=content_hash(cell_hash.encode(), geometry.hash.encode() if geometry else b""),
-    )
-    finished = Record(source, entry, len(chunk.triangles), tiles.object_bytes)
+    before = latest_record(context.store, key)
+    if before is not None and before.drawn == drawn:
+        # A mesh that reaches into the leaf has changed elsewhere.
+        tiles, pictures, object_bytes = None, before.entry, before.object_bytes
+    else:
+        tiles = _draw(context, key, chunk, materials)
+        pictures = CellEntry(
+            key=str(key),
+            bounds=_bounds(context, key, chunk),
+            error=context.grid.pitch(0),
+            hash=store_tiles(context, key, tiles),
+            tiles=tiles.listing(),
+            views=tiles.views,
+        )
+        object_bytes = tiles.object_bytes
+    output = content_hash(pictures.hash.encode(), geometry.hash.encode() if geometry else b"")
+    entry = msgspec.structs.replace(pictures, geometry=geometry, output=output)
+    finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn)
     write_record(context.store, key, finished)
-    return _finished(context, key, finished, fresh=True, tiles=tiles)
+    return _finished(context, key, finished, fresh=tiles is not None, tiles=tiles)
+
+
+def _drawn_hash(context: BakeContext, chunk: Chunk, materials: LeafMaterials) -> str:
+    """Over the triangles in their order, corner by corner: vertices may be numbered otherwise or held twice."""
+    corners = chunk.triangles.ravel()
+    vertices = [array[corners].tobytes() for array in (chunk.positions, chunk.normals, chunk.uvs, chunk.colors)
+                if len(array)]  # fmt: skip
+    looks = b"".join(context.material_hash(material) for material in materials.materials)
+    return content_hash(
+        context.job.signature.encode(), looks, *vertices, chunk.materials.tobytes(), chunk.objects.tobytes()
+    )
 
 
 def is_finished(context: BakeContext, key: CellKey) -> bool:

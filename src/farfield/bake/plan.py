@@ -83,9 +83,9 @@ def make_plan(scene: Scene, summaries: list[MeshSummary], options: BakeOptions) 
 def scene_bounds(scene: Scene, summaries: list[MeshSummary]) -> NDArray[np.float64]:
     """(2, 3) float64 bounds of all placed blocks. Raises InputError when there are none or they are not finite."""
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
-    for _, boxes in _placed_boxes(scene.instances, summaries):
-        lower = np.minimum(lower, boxes[..., 0, :].min((0, 1)))
-        upper = np.maximum(upper, boxes[..., 1, :].max((0, 1)))
+    for _, _, boxes in _placed_boxes(scene.instances, summaries):
+        lower = np.minimum(lower, boxes[:, 0].min(0))
+        upper = np.maximum(upper, boxes[:, 1].max(0))
     bounds = np.stack([lower, upper])
     if not np.isfinite(bounds).all():
         raise InputError("the scene has no finite extent", "", "check the transforms of its instances")
@@ -113,8 +113,8 @@ def _corner_below(bounds: NDArray[np.float64], size: float) -> NDArray[np.float6
 def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], size: float, most: int) -> int:
     corner = _corner_below(bounds, size)
     found: set[int] = set()
-    for _, boxes in _placed_boxes(scene.instances, summaries):
-        lower, upper = _leaf_range(boxes.reshape(-1, 2, 3), corner, size)
+    for _, _, boxes in _placed_boxes(scene.instances, summaries):
+        lower, upper = _leaf_range(boxes, corner, size)
         counts = np.prod(upper - lower + 1, axis=1)
         if counts.max() > most:
             return most + 1
@@ -128,20 +128,28 @@ def _occupied(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.flo
 
 def _placed_boxes(
     instances: Instances, summaries: list[MeshSummary]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Instances of one mesh, a portion at a time, and their blocks' boxes (k, b, 2, 3) in local metres."""
-    for mesh, summary in enumerate(summaries):
-        placed = np.flatnonzero(instances.mesh == mesh)
-        if not len(summary.boxes):
-            continue
-        middle, half = summary.boxes.mean(1), (summary.boxes[:, 1] - summary.boxes[:, 0]) / 2
-        portion = max(1, _CHUNK // len(summary.boxes))
-        for begin in range(0, len(placed), portion):
-            rows = placed[begin : begin + portion]
-            turn, shift = instances.transform[rows, :, :3], instances.transform[rows, :, 3]
-            centre = np.einsum("kij,bj->kbi", turn, middle) + shift[:, None]
-            reach = np.einsum("kij,bj->kbi", np.abs(turn), half)
-            yield rows, np.stack([centre - reach, centre + reach], 2)
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
+    """Every block of every instance, a portion at a time: (n,) instance, (n,) block, (n, 2, 3) box in local metres."""
+    counts = np.array([len(summary.boxes) for summary in summaries], np.int64)
+    first = np.cumsum(counts) - counts
+    boxes = np.concatenate([summary.boxes for summary in summaries])
+    middle, half = boxes.mean(1), (boxes[:, 1] - boxes[:, 0]) / 2
+    ends = np.cumsum(counts[instances.mesh])
+    begin = 0
+    while begin < len(ends):
+        done = ends[begin - 1] if begin else 0
+        stop = max(begin + 1, int(np.searchsorted(ends, done + _CHUNK, "right")))
+        rows = np.arange(begin, stop)
+        each = counts[instances.mesh[rows]]
+        instance = np.repeat(rows, each)
+        block = np.arange(len(instance)) - np.repeat(np.cumsum(each) - each, each)
+        box = first[instances.mesh[instance]] + block
+        turn = instances.transform[instance]
+        centre = np.einsum("nij,nj->ni", turn[:, :, :3], middle[box]) + turn[:, :, 3]
+        reach = np.einsum("nij,nj->ni", np.abs(turn[:, :, :3]), half[box])
+        if len(instance):
+            yield instance, block, np.stack([centre - reach, centre + reach], 1)
+        begin = stop
 
 
 def _leaf_range(
@@ -169,10 +177,9 @@ def _rows(
     scene: Scene, summaries: list[MeshSummary], corner: NDArray[np.float64], size: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
     leaves, instances, blocks = [], [], []
-    for placed, boxes in _placed_boxes(scene.instances, summaries):
-        count = boxes.shape[1]
-        cells, row = _expand(*_leaf_range(boxes.reshape(-1, 2, 3), corner, size))
+    for instance, block, boxes in _placed_boxes(scene.instances, summaries):
+        cells, row = _expand(*_leaf_range(boxes, corner, size))
         leaves.append(cells)
-        instances.append(placed[row // count].astype(np.int32))
-        blocks.append((row % count).astype(np.int32))
+        instances.append(instance[row].astype(np.int32))
+        blocks.append(block[row].astype(np.int32))
     return np.concatenate(leaves), np.concatenate(instances), np.concatenate(blocks)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import msgspec
+
 from farfield.bake.cell import BakedCell, Record, Tally, Tiles, read_record, write_record
 from farfield.bake.context import BakeContext
 from farfield.bake.index import close_index_tile
@@ -43,16 +45,28 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         return None
     # How far a cell reaches up and down depends on the world's height, and which views are chosen on that.
     box = context.grid.bounds(key).tobytes()
-    source = content_hash(context.job.signature.encode(), box, *(c.record.entry.output.encode() for c in below))
-    record = read_record(context.store, key, source)
-    fresh = record is None
+    pictures = (f"{c.key} {c.record.entry.hash}".encode() for c in below)
+    source = content_hash(context.job.signature.encode(), box, *pictures)
+    before = read_record(context.store, key, source)
+    fresh = before is None
     tiles = objects = None
-    if record is None:
+    if before is None:
         built = _composite(context, key, below)
-        cell_hash = store_tiles(context, key, built)
-        record = Record(source, _entry(context, key, below, built, cell_hash), 0, built.object_bytes)
-        write_record(context.store, key, record)
+        entry = CellEntry(
+            key=str(key),
+            bounds=_union([c.record.entry.bounds for c in below]),
+            error=context.grid.pitch(key.level),
+            hash=store_tiles(context, key, built),
+            tiles=built.listing(),
+            views=built.views,
+        )
+        object_bytes = built.object_bytes
         tiles, objects = built.encoded, built.objects
+    else:
+        entry, object_bytes = before.entry, before.object_bytes
+    record = Record(source, _over(entry, below), 0, object_bytes)
+    if record != before:
+        write_record(context.store, key, record)
     tally = Tally.sum([Tally.of(record.entry, fresh), *(cell.tally for cell in below)])
     listed = tuple(entry for cell in below for entry in cell.entries)
     for cell in below:
@@ -88,19 +102,14 @@ def _decoded(context: BakeContext, cell: BakedCell, encoded: Tiles, objects: Til
     return layers
 
 
-def _entry(
-    context: BakeContext, key: CellKey, below: Sequence[BakedCell], tiles: CellTiles, cell_hash: str
-) -> CellEntry:
+def _over(entry: CellEntry, below: Sequence[BakedCell]) -> CellEntry:
+    """The entry of a cell above these children, whose near geometry may change without their pictures."""
     outputs = [cell.record.entry.output.encode() for cell in below]
-    return CellEntry(
-        key=str(key),
+    return msgspec.structs.replace(
+        entry,
         bounds=_union([cell.record.entry.bounds for cell in below]),
-        error=context.grid.pitch(key.level),
-        hash=cell_hash,
-        tiles=tiles.listing(),
-        views=tiles.views,
         children=tuple(str(cell.key) for cell in below),
-        output=content_hash(cell_hash.encode(), *outputs),
+        output=content_hash(entry.hash.encode(), *outputs),
     )
 
 

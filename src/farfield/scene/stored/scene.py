@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.scene.model import Instances, MeshSource, Scene
 from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chunk
+from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.sources import Words, print_of, source_of, words_of
 from farfield.store.contract import Store
 from farfield.world.chunks import put_scene_chunks
@@ -77,6 +78,8 @@ class StoredScene:
 
 
 def _identity(source: MeshSource, print: list[int] | None) -> bytes:
+    if isinstance(source, StoredFootprints):  # The same in a file of another name.
+        return msgspec.json.encode((source.chunk, source.facades))
     return msgspec.json.encode((words_of(source), print))
 
 
