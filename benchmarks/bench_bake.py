@@ -26,7 +26,7 @@ from farfield.store.directory import DirectoryStore
 from farfield.world.verification import verify_world
 from farfield.world.world import World
 from objects import statues
-from storage import orthoview_storage
+from storage import BYTES_A_TRIANGLE, orthoview_storage
 
 STAGES = {
     "read and survey": ("scene/", "bake/survey", "blocks.py"),
@@ -73,7 +73,9 @@ def _objects(quick: bool) -> ObjectsOptions:
     return ObjectsOptions(count=125, meshes=statues())
 
 
-def timed_bake(scene: Path, world: Path, options: BakeOptions) -> dict[str, Any]:
+def timed_bake(
+    scene: Path, world: Path, options: BakeOptions, bytes_a_triangle: int = BYTES_A_TRIANGLE
+) -> dict[str, Any]:
     """Bakes and verifies the scene; speed, bytes, memory."""
     store = DirectoryStore(world)
     begun = time.monotonic()
@@ -91,7 +93,7 @@ def timed_bake(scene: Path, world: Path, options: BakeOptions) -> dict[str, Any]
         "cells": statistics.cells,
         "orthoviews": statistics.orthoviews,
         "bytes": statistics.bytes,
-        **orthoview_storage(world),
+        **orthoview_storage(world, bytes_a_triangle),
         "peak_rss_bytes": peak_rss_bytes(),
     }
 

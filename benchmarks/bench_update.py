@@ -2,9 +2,10 @@
 
     farfield bench update [--quick] [--json]; needs the world that `farfield bench tokyo` leaves.
 
-In each square every building grows by 3 m, in a file of the whole city: `farfield update WORLD FILE --region …`, a
-process of its own as users call it, reads the square by the file's index, bakes what it reaches, and the paths to the
-root. Beside it: an update without a region, which finds the changes by itself; and one that finds none.
+In each square every building grows by 3 m, and then shrinks again, by a file of the whole city: `farfield update WORLD
+FILE --region …`, a process of its own as users call it, reads the square by the file's index, bakes what it reaches,
+and the paths to the root. Beside it: an update without a region, which finds the changes by itself; and one that finds
+none.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import json
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +24,14 @@ import pyogrio
 from bench_tokyo import ARCHIVE, ROOT, SMALL
 
 SQUARES = (200.0, 400.0, 800.0)
-MIDDLE = (-12_000.0, -34_300.0)
-"""In EPSG:6677, metres: Shinjuku."""
+PLACES = {
+    "Shinjuku": (-12_000.0, -34_300.0),
+    "Shibuya": (-12_100.0, -37_700.0),
+    "Ueno": (-5_100.0, -31_800.0),
+    "Kamata": (-10_500.0, -48_500.0),
+    "Nerima": (-16_300.0, -29_400.0),
+}
+"""Middles in EPSG:6677, metres: how many leaves a square meets depends on where it lies."""
 
 
 def run(quick: bool = False) -> dict[str, Any]:
@@ -34,17 +42,17 @@ def run(quick: bool = False) -> dict[str, Any]:
         folder = Path(name)
         if quick:
             source, world = _small(folder)
-            return _measure(source, world, folder, SQUARES[:1])
+            return _measure(source, world, folder, SQUARES[:1], ["Shinjuku"])
         source, world = ROOT / "worlds/tokyo23/buildings.fgb", ROOT / "worlds/tokyo23/world-1"
         if not world.exists():
             return {"left_out": "farfield bench tokyo has not been run"}
-        return _measure(source, world, folder, SQUARES)
+        return _measure(source, world, folder, SQUARES, list(PLACES))
 
 
 def _small(folder: Path) -> tuple[Path, Path]:
     """A few hundred metres of the city as a world."""
     source, world = folder / "small.fgb", folder / "world"
-    x, y = MIDDLE
+    x, y = PLACES["Shinjuku"]
     box = f"--bbox={x - 150},{y - 150},{x + 150},{y + 150}"
     script = ROOT / "scripts/convert_tokyo.py"
     subprocess.run([sys.executable, str(script), str(ARCHIVE), str(source), box], check=True, capture_output=True)
@@ -52,36 +60,57 @@ def _small(folder: Path) -> tuple[Path, Path]:
     return source, world
 
 
-def _measure(source: Path, world: Path, folder: Path, squares: tuple[float, ...]) -> dict[str, Any]:
+def _measure(source: Path, world: Path, folder: Path, squares: tuple[float, ...], places: list[str]) -> dict[str, Any]:
     facts: dict[str, Any] = {"nothing changed, no region": _update(world, source)}
+    city = _City(source)
+    grown = city.grown(folder / "grown.fgb", (-np.inf, -np.inf, np.inf, np.inf))
     for size in squares:
-        region = tuple(float(c) for c in (*np.subtract(MIDDLE, size / 2), *np.add(MIDDLE, size / 2)))
-        changed = _grown(source, folder / f"grown-{size:.0f}.fgb", region)
-        facts[f"{size:.0f} m"] = _update(world, changed, "--region", ",".join(f"{c:g}" for c in region))
-        facts[f"{size:.0f} m back"] = _update(world, source, "--region", ",".join(f"{c:g}" for c in region))
-    facts[f"{size:.0f} m, no region"] = _update(world, changed)
+        found = []
+        for place in places:
+            region = _square(place, size)
+            option = "--region=" + ",".join(f"{c:g}" for c in region)
+            found += [_update(world, grown, option) | {"place": place}, _update(world, source, option)]
+        facts[f"{size:.0f} m"] = found[::2]
+        facts[f"{size:.0f} m, median seconds"] = float(np.median([update["seconds"] for update in found]))
+    one = city.grown(folder / "one.fgb", _square(places[0], squares[-1]))
+    facts[f"{squares[-1]:.0f} m of {places[0]}, no region"] = _update(world, one)
     _update(world, source)
     return facts
 
 
-def _grown(source: Path, target: Path, region: tuple[float, ...]) -> Path:
-    """The file with buildings in the region 3 m higher."""
-    meta, _, shapes, columns = pyogrio.raw.read(source)
-    fields = list(meta["fields"])
-    name = next(field for field in fields if "eight" in field)
-    _, bounds = pyogrio.read_bounds(source)
-    middle = (bounds[:2] + bounds[2:]) / 2
-    x0, y0, x1, y1 = region
-    chosen = (middle[0] >= x0) & (middle[0] < x1) & (middle[1] >= y0) & (middle[1] < y1)
-    columns[fields.index(name)] = np.where(chosen, columns[fields.index(name)] + 3.0, columns[fields.index(name)])
-    target.unlink(missing_ok=True)
-    pyogrio.raw.write(target, shapes, columns, fields, crs=meta["crs"], geometry_type=meta["geometry_type"])
-    return target
+def _square(place: str, size: float) -> tuple[float, ...]:
+    x, y = PLACES[place]
+    return x - size / 2, y - size / 2, x + size / 2, y + size / 2
+
+
+class _City:
+    """A file of buildings in memory."""
+
+    def __init__(self, source: Path) -> None:
+        self._meta, _, self._shapes, self._columns = pyogrio.raw.read(source)
+        _, bounds = pyogrio.read_bounds(source)
+        self._middle = (bounds[:2] + bounds[2:]) / 2
+
+    def grown(self, target: Path, region: tuple[float, ...]) -> Path:
+        """The file with buildings in the region 3 m higher."""
+        x0, y0, x1, y1 = region
+        x, y = self._middle
+        chosen = (x >= x0) & (x < x1) & (y >= y0) & (y < y1)
+        fields = list(self._meta["fields"])
+        columns = list(self._columns)
+        number = fields.index("height")
+        columns[number] = np.where(chosen, columns[number] + 3.0, columns[number]).astype(columns[number].dtype)
+        target.unlink(missing_ok=True)
+        meta = self._meta
+        pyogrio.raw.write(target, self._shapes, columns, fields, crs=meta["crs"], geometry_type=meta["geometry_type"])
+        return target
 
 
 def _update(world: Path, source: Path, *options: str) -> dict[str, Any]:
+    begun = time.perf_counter()
     facts = json.loads(_farfield("update", str(world), str(source), *options, "--json"))
-    return {name: facts[name] for name in ("seconds", "cells_rebuilt", "cells")}
+    seconds = round(time.perf_counter() - begun, 2)
+    return {"seconds": seconds, "cells_rebuilt": facts["cells_rebuilt"], "cells": facts["cells"]}
 
 
 def _farfield(*arguments: str) -> str:
