@@ -177,7 +177,8 @@ class Processes:
         self._job = job
         self._spawn = multiprocessing.get_context("spawn")
         self._lifeline, self._held_end = self._spawn.Pipe(duplex=False)
-        self._alone: Alone | None = Alone(scene, store, threads=size)
+        # Two threads for each processor: one waits for the disk or the interpreter while the other draws.
+        self._alone: Alone | None = Alone(scene, store, threads=2 * size)
         self._pool: ProcessPoolExecutor | None = None
         self._pending: set[Future[Outcome]] = set()
 
