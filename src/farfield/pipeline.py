@@ -111,8 +111,8 @@ def update_place(
         else:
             same = _paths(sources) == order.sources
             scene = _changed(store, manifest, sources, region, same, progress)
-            if not same:
-                store.put(_ORDER_KEY, msgspec.json.encode(msgspec.structs.replace(order, changed=True)))
+            changed = order.changed or not same
+            _put_order(store, _Order(order.sources, replace(options, workers=0), changed))
         result = bake_held(scene, store, options, progress)
     return {
         "world": str(place),
@@ -138,7 +138,9 @@ def _changed(
         scene = read_scene(sources, ReadOptions(crs=manifest.crs, region=region))
         fresh = split_large(_in_frame(scene, manifest, store.location), store, progress)
     scene = with_region(stored, fresh, region, store, progress)
-    return replace(scene, source_bytes=fresh.source_bytes) if fresh and same else scene
+    if fresh is None or not same:
+        return scene
+    return replace(scene, name=fresh.name, credits=fresh.credits, source_bytes=fresh.source_bytes)
 
 
 def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
@@ -166,7 +168,11 @@ _ORDER_KEY = "record/order.json"
 def _remember(store: Store, sources: Sequence[Path], options: BakeOptions) -> None:
     # Who does the work is of no matter for the world, and a cluster may be gone when it is repaired.
     anywhere = replace(options, workers=0, scheduler="")
-    store.put(_ORDER_KEY, msgspec.json.encode(_Order(_paths(sources), anywhere)))
+    _put_order(store, _Order(_paths(sources), anywhere))
+
+
+def _put_order(store: Store, order: _Order) -> None:
+    store.put(_ORDER_KEY, msgspec.json.encode(order))
 
 
 def _paths(sources: Sequence[Path]) -> tuple[str, ...]:

@@ -54,7 +54,11 @@ def without_house() -> Scene:
     kept = [n for n in range(len(scene.instances.mesh)) if n != HOUSE]
     placed = scene.instances
     instances = replace(
-        placed, mesh=placed.mesh[kept], transform=placed.transform[kept], first_object=placed.first_object[kept]
+        placed,
+        mesh=placed.mesh[kept],
+        transform=placed.transform[kept],
+        first_object=placed.first_object[kept],
+        objects=placed.objects[kept],
     )
     return replace(scene, instances=instances)
 

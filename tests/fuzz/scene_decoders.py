@@ -71,7 +71,7 @@ def scene_note() -> Decoder:
     boxes = np.array([[[0.0, 0, 0], [1, 1, 1]]])
     summaries = [MeshSummary(boxes, 2, "00" * 16), MeshSummary(boxes.repeat(3, 0), 300, "11" * 16, ("a note",))]
     scene = Scene(sources, rows, "town", "EPSG:6677", attribute_parts=("", "0123456789abcdef"), families=("a.fgb",))
-    write_scene(store, scene, summaries, 1)
+    write_scene(store, scene, summaries, [[], []], 1)
 
     def use(stored: StoredScene | None) -> None:
         if stored is not None:

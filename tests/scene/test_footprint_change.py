@@ -90,6 +90,6 @@ def test_footprints_come_back_exactly(buildings: list[Building]) -> None:
 
 
 def test_a_chunk_is_named_by_its_place() -> None:
-    middle = Square(5, 0b11 << 28)
+    middle = Square(5, 0b11 << 32)
     assert chunk_at(middle, table([(0, 0, 3)]).features, "a.fgb", True).name == "a.fgb, 512 m square at 0, 0"
     assert middle.box == (0.0, 0.0, 512.0, 512.0)

@@ -25,6 +25,7 @@ from farfield.errors import CorruptTileError, FarfieldError, InputError
 from farfield.progress import NoProgress, Progress
 from farfield.scene.model import Scene
 from farfield.scene.stored.scene import MeshSummary, read_scene_of, write_scene
+from farfield.scene.stored.sources import print_of
 from farfield.store.contract import Store
 from farfield.world.attributes import AttributeIndex, encode_attribute_index
 from farfield.world.keys import attributes_key, content_hash
@@ -70,10 +71,11 @@ def bake_held(scene: Scene, store: Store, options: BakeOptions, progress: Progre
     for warning in scene.warnings:
         progress.note(warning)
     scene = partition(scene, store, progress)
+    prints = [print_of(source) for source in scene.meshes]
     known = _known(store, scene)
     with crew_of(scene, store, _workers(options), options.scheduler) as crew:
         summaries = survey(known, crew.survey, progress)
-        write_scene(store, scene, summaries, BAKE_VERSION)
+        write_scene(store, scene, summaries, prints, BAKE_VERSION)
         plan = make_plan(scene, summaries, options)
         progress.note(_choices(plan))
         scene = _numbered(scene, summaries, plan)

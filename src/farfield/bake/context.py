@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -69,7 +70,7 @@ class BakeContext:
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
         self._textures: dict[int, tuple[Texture, str]] = {}
         self._mesh_files: dict[int, tuple[str, int]] = {}
-        self._looks: dict[Material, bytes] = {}
+        self._pixels: WeakKeyDictionary[Texture, bytes] = WeakKeyDictionary()
 
     def each(self, work: Callable[[_One], _Made], things: Iterable[_One]) -> Iterator[_Made]:
         """What `work` makes of each, in order; kernels, encoders and stores let other threads run meanwhile."""
@@ -83,13 +84,15 @@ class BakeContext:
         if meshes not in self._tables:
             base: dict[int, int] = {}
             joined: list[Material] = []
-            known: dict[tuple[Material, ...], int] = {}
+            known: dict[tuple[bytes, ...], int] = {}
             for mesh in meshes:
                 own = self.meshes.get(mesh).materials
-                if own not in known:
-                    known[own] = len(joined)
+                # By what shows: whether two meshes hold one texture or two alike depends on what was read when.
+                looks = tuple(self.material_hash(material) for material in own)
+                if looks not in known:
+                    known[looks] = len(joined)
                     joined += own
-                base[mesh] = known[own]
+                base[mesh] = known[looks]
             self._tables[meshes] = LeafMaterials(
                 MaterialTable.build(joined, TexturePool(self._mips)), tuple(joined), base
             )
@@ -110,11 +113,17 @@ class BakeContext:
 
     def material_hash(self, material: Material) -> bytes:
         """Over all that shows of a material."""
-        if material not in self._looks:
-            own = (material.base_color, material.alpha_cutoff, material.double_sided, material.unlit)
-            texture = b"" if material.texture is None else material.texture.pixels.tobytes()
-            self._looks[material] = content_hash(repr(own).encode(), texture).encode()
-        return self._looks[material]
+        own = (material.base_color, material.alpha_cutoff, material.double_sided, material.unlit)
+        return content_hash(repr(own).encode(), self._pixel_hash(material.texture)).encode()
+
+    def _pixel_hash(self, texture: Texture | None) -> bytes:
+        if texture is None:
+            return b""
+        found = self._pixels.get(texture)
+        if found is None:
+            shape = repr(texture.pixels.shape).encode()
+            found = self._pixels[texture] = content_hash(shape, texture.pixels.tobytes()).encode()
+        return found
 
     def mesh_file(self, mesh: int) -> tuple[str, int]:
         """Stores a shared mesh once; its hash and bytes."""

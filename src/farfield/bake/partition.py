@@ -47,7 +47,9 @@ def partition(scene: Scene, store: Store, progress: Progress) -> Scene:
 
     To be called within `store.writing`. Raises InputError when no mesh can be read, and StoreError.
     """
-    scene = split_large(scene, store, progress)
+    # Pieces of a scene that was kept are told of by the notes of the bake that made them.
+    kept = any(isinstance(source, StoredPiece) for source in scene.meshes)
+    scene = split_large(scene, store, progress, prune=not kept)
     with ThreadPoolExecutor(WRITERS) as pool:
         meshes = _stored_footprints(scene.meshes, store, pool, progress)
         parts = scene.attribute_parts or _attribute_parts(scene, store, pool)
@@ -105,13 +107,19 @@ class _SplitNote(ChunkNote, frozen=True):
 
 
 def split_large(
-    scene: Scene, store: Store, progress: Progress, limit: int = LIMIT, most: int = PIECE_TRIANGLES
+    scene: Scene,
+    store: Store,
+    progress: Progress,
+    limit: int = LIMIT,
+    most: int = PIECE_TRIANGLES,
+    prune: bool = False,
 ) -> Scene:
     """The scene with meshes of more than `limit` bytes, as loaded, in pieces of at most `most` triangles in `store`.
 
     Each instance of such a mesh becomes one instance of every piece, of the same objects. A mesh that was split into
     this store before, from the same files, is not read again. Those whose format has to be loaded whole stay as they
-    are; one that cannot be read is left out and said. To be called within `store.writing`.
+    are; one that cannot be read is left out and said. prune: notes about other meshes go. To be called within
+    `store.writing`.
     Raises InputError when no mesh is left, and StoreError.
     """
     parts: dict[int, tuple[MeshSource, ...]] = {}
@@ -129,7 +137,7 @@ def split_large(
             problem, parts[number] = problem or error, ()
         finally:
             stream.forget()
-    if not any(isinstance(source, StoredPiece) for source in scene.meshes):
+    if prune:
         for key in store.list("record/split"):
             if key not in notes:
                 store.delete(key)

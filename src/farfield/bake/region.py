@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ from farfield.scene.model import Instances, MeshSource, Scene
 from farfield.scene.options import Region, inside
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.scene import MeshSummary, StoredScene, object_count
+from farfield.scene.stored.sources import words_of
 from farfield.store.contract import Store
 from farfield.world.attributes import put_table, read_table
 
@@ -75,13 +77,16 @@ class _Rows:
 
 def _gathered(scene: Scene, fresh: Scene | None, parts: list[_Rows]) -> Scene:
     rows = _Rows.joined(parts)
-    number = {source: k for k, source in enumerate(dict.fromkeys(rows.sources))}
-    mesh = np.array([number[source] for source in rows.sources], np.int32)
+    # The same mesh may be told of twice, by the scene that stands and by the fresh one.
+    names = [msgspec.json.encode(words_of(source) or id(source)) for source in rows.sources]
+    meshes = dict(zip(reversed(names), reversed(rows.sources), strict=True))
+    number = {name: k for k, name in enumerate(meshes)}
+    mesh = np.array([number[name] for name in names], np.int32)
     instances = Instances(mesh, rows.transform, rows.first_object, rows.objects)
     added = fresh or Scene((), instances)
     return replace(
         scene,
-        meshes=tuple(number),
+        meshes=tuple(meshes.values()),
         instances=instances,
         object_count=object_count(rows.first_object, rows.objects),
         attribute_parts=tuple(rows.attributes),
@@ -178,17 +183,19 @@ def _footprints(
         source = stored.scene.meshes[stored.scene.instances.mesh[row]]
         assert isinstance(source, StoredFootprints)
         families.setdefault(source.family, []).append(row)
-    for family, own in families.items():
-        _check_unmoved(stored.scene, family, own)
-    tables = _tables(fresh)
-    meant = {name: _meant(name, families) for name in tables}
-    for family in meant.values():
+    for family in stored.scene.families:
         families.setdefault(family, [])
-    given = {family: tables[name] for name, family in meant.items()}
+    tables = _tables(fresh)
+    given = {_meant(name, families, len(tables)): table for name, table in tables.items()}
+    for family in given:
+        families.setdefault(family, [])
+    for family, own in families.items():
+        if own and (fresh is None or family in given):
+            _check_unmoved(stored.scene, family, own)
     return [
         _family(stored.scene, family, own, given.get(family), region, store)
         if fresh is None or family in given
-        else _Rows.of(stored.scene, np.array(own))
+        else _Rows.of(stored.scene, np.array(own, np.int64))
         for family, own in families.items()
     ]
 
@@ -196,17 +203,27 @@ def _footprints(
 def _check_unmoved(scene: Scene, family: str, rows: list[int]) -> None:
     """Raises OptionError for footprints that do not stand at their own coordinates."""
     transforms = scene.instances.transform[rows]
-    source = scene.meshes[scene.instances.mesh[rows[0]]]
-    assert isinstance(source, StoredFootprints)
-    corner = chunk_at(source.square, source.features(), family, source.facades).corner
-    if not (transforms[:, :, :3] == np.eye(3)).all() or not np.array_equal(transforms[0, :, 3], corner - scene.origin):
-        raise OptionError("footprints that a scene.toml moves cannot be replaced by region", family,
-                          "update from everything instead, without --region")  # fmt: skip
+    sources = [scene.meshes[scene.instances.mesh[row]] for row in rows]
+    squares = {(s.level, s.prefix) for s in sources if isinstance(s, StoredFootprints)}
+    first = sources[0]
+    assert isinstance(first, StoredFootprints)
+    corner = chunk_at(first.square, first.features(), family, first.facades).corner
+    straight = (transforms[:, :, :3] == np.eye(3)).all() and len(squares) == len(rows)
+    if not straight or not np.array_equal(transforms[0, :, 3], corner - scene.origin):
+        raise _moved(family)
 
 
-def _meant(name: str, families: dict[str, list[int]]) -> str:
-    """The file of the scene whose footprints those of another one replace. Raises OptionError."""
-    if name in families or not families:
+def _moved(family: str) -> OptionError:
+    return OptionError("footprints that a scene.toml moves cannot be replaced by region", family,
+                       "update from everything instead, without --region")  # fmt: skip
+
+
+def _meant(name: str, families: dict[str, list[int]], given: int) -> str:
+    """The file of the scene whose footprints those of another one replace; given: how many files are.
+
+    Raises OptionError when that cannot be told.
+    """
+    if name in families or not families or given > 1:
         return name
     if len(families) > 1:
         known = ", ".join(families)
@@ -219,6 +236,12 @@ def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, bool]]:
     if fresh is None:
         return {}
     own = fresh.instances
+    for row, mesh in enumerate(own.mesh.tolist()):
+        chunk = fresh.meshes[mesh]
+        if isinstance(chunk, FootprintChunk):
+            still = np.concatenate([np.eye(3), (chunk.corner - fresh.origin)[:, None]], axis=1)
+            if not np.array_equal(own.transform[row], still):
+                raise _moved(chunk.family)
     found: dict[str, tuple[Table | None, bool]] = dict.fromkeys(fresh.families, (None, True))
     for family in found:
         placed = [
@@ -226,6 +249,8 @@ def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, bool]]:
             for row, mesh in enumerate(own.mesh.tolist())
             if isinstance(source := fresh.meshes[mesh], FootprintChunk) and source.family == family
         ]
+        if len({chunk.square for chunk, _ in placed}) < len(placed):
+            raise _moved(family)
         if placed:
             tables = tables_of([chunk for chunk, _ in placed], fresh.attributes, [first for _, first in placed])
             found[family] = Table.joined(list(tables)), placed[0][0].facades

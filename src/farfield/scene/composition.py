@@ -166,7 +166,11 @@ def _located(scene: Scene, entry: _Table, table: SceneTable, path: Path) -> Scen
     if table.crs is None:
         raise InputError("at needs a crs", str(path), 'add e.g. crs = "EPSG:6677" at the top, or use translate')
     if scene.crs is not None:
-        raise InputError(f"{scene.meshes[0].name} has coordinates of its own", str(path), "leave out its at")
+        raise InputError(
+            f"{entry.path if isinstance(entry, SourceTable) else 'it'} has coordinates of its own",
+            str(path),
+            "leave out its at",
+        )
     origin = local_origin(entry.at)
     shift = np.eye(4)[:3]
     shift[:, 3] = np.subtract(entry.at, origin)

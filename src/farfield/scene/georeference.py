@@ -35,7 +35,9 @@ def to_common_frame(scenes: list[Scene], origin: tuple[float, float, float] | No
         names = ", ".join(sorted(str(crs)[:40] for crs in different))
         raise InputError(f"the sources use different coordinate reference systems: {names}", "scene",
                          "give one as crs in a scene.toml; footprints are brought to it")  # fmt: skip
-    x, y, z = origin or (min(scene.origin[axis] for scene in located) for axis in range(3))
+    # What holds nothing lies nowhere.
+    placed = [scene for scene in located if len(scene.instances.mesh)] or located
+    x, y, z = origin or (min(scene.origin[axis] for scene in placed) for axis in range(3))
     return join([scene if scene.crs is None else moved_to(scene, (x, y, z)) for scene in scenes])
 
 

@@ -49,10 +49,12 @@ def attribute_tables(store: Store, name: str) -> list[str]:
 def put_table(store: Store, columns: Mapping[str, Sequence[Any]]) -> str:
     """Stores a table, columns of equal length, and gives its hash; "" when there is nothing in it but nulls."""
     plain = {
-        name: [value if value is None or type(value) is str else _plain(value) for value in column]
-        for name, column in columns.items()
+        name: [value if value is None or type(value) is str else _plain(value) for value in columns[name]]
+        for name in sorted(columns)
     }
-    if all(value is None for column in plain.values() for value in column):
+    # A column of nulls says nothing: whether the file has one may depend on what of it was read.
+    plain = {name: column for name, column in plain.items() if any(value is not None for value in column)}
+    if not plain:
         return ""
     data = msgspec.json.encode({"columns": plain})
     name = content_hash(data)

@@ -13,8 +13,8 @@ from farfield.world.limits import DAMAGE, Count, Hash
 
 NOTES = ("record/split",)
 """Folders of such notes."""
-SCENE = "record/chunks.json"
-"""The names of those that the scene of the world is made of, in a list."""
+SCENE = "record/scene.json"
+"""Keys of all that the scene of the world is made of, in a list."""
 
 
 class ChunkNote(msgspec.Struct, frozen=True):
@@ -26,7 +26,7 @@ class ChunkNote(msgspec.Struct, frozen=True):
 
 def named_chunks(store: Store) -> set[str]:
     """Keys of all chunks that a note names; a note that cannot be read names none, for nobody else can read it."""
-    named = {chunk_key(name) for name in _of_scene(store)}
+    named = set(scene_values(store))
     for folder in NOTES:
         for key in store.list(folder):
             try:
@@ -37,17 +37,18 @@ def named_chunks(store: Store) -> set[str]:
     return named
 
 
-def put_scene_chunks(store: Store, names: Iterable[str]) -> None:
+def put_scene_values(store: Store, keys: Iterable[str]) -> None:
     """Notes what the scene is made of; without a note where that is nothing."""
-    listed = sorted(set(names))
+    listed = sorted(set(keys))
     if listed:
         store.put(SCENE, msgspec.json.encode(listed))
     else:
         store.delete(SCENE)
 
 
-def _of_scene(store: Store) -> list[str]:
+def scene_values(store: Store) -> list[str]:
+    """What was noted; nothing where that cannot be read."""
     try:
-        return msgspec.json.decode(store.get(SCENE), type=list[Hash])
+        return msgspec.json.decode(store.get(SCENE), type=list[str])
     except (MissingKeyError, *DAMAGE):
         return []

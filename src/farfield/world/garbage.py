@@ -6,17 +6,21 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+import msgspec
+
 from farfield.progress import NoProgress, Progress
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
+from farfield.world.limits import DAMAGE
 from farfield.world.manifest import read_manifest
 from farfield.world.reach import first_index_tiles, parted, textures_of
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
-_OF_CELL = re.compile(rf"(orthoview|objects|geometry|index|record)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
+_OF_CELL = re.compile(rf"(orthoview|objects|geometry|index)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
+_RECORD = re.compile(rf"record/{_CELL}")
 _SHARED = re.compile(r"(mesh|texture|attributes|record/chunk)/([0-9a-f]+)")
 
 
@@ -41,7 +45,7 @@ class _Living:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
         if found := _OF_CELL.fullmatch(key):
             kind, cell, name = found.groups()
-            return cell in self.named["orthoview"] if kind == "record" else self.named[kind].get(cell) == name
+            return self.named[kind].get(cell) == name
         return key in self.shared or _SHARED.fullmatch(key) is None
 
 
@@ -59,7 +63,7 @@ def drop_garbage(store: Store, dry: bool = False, progress: Progress | None = No
         count = size = 0
         for key in store.list():
             progress.advance()
-            if living.holds(key):
+            if _is_true_record(store, key, living) if _RECORD.fullmatch(key) else living.holds(key):
                 continue
             count += 1
             size += store.size(key)
@@ -67,6 +71,39 @@ def drop_garbage(store: Store, dry: bool = False, progress: Progress | None = No
                 store.delete(key)
         progress.finish()
     return Dropped(count, size)
+
+
+class _Pictures(msgspec.Struct):
+    """What a bake's note about a cell says of its values."""
+
+    key: str = ""
+    hash: str = ""
+    geometry: _Geometry | None = None
+
+
+class _Geometry(msgspec.Struct):
+    hash: str = ""
+
+
+class _Note(msgspec.Struct):
+    entry: _Pictures
+
+
+def _is_true_record(store: Store, key: str, living: _Living) -> bool:
+    """Whether a note tells of a cell as the world has it.
+
+    That of an update which was interrupted tells of values that are dropped here: kept, it would let the next one
+    believe that they are there.
+    """
+    try:
+        entry = msgspec.json.decode(store.get(key), type=_Note).entry
+    except DAMAGE:
+        return False
+    cell = key.removeprefix("record/")
+    if not entry.hash:  # Nothing lies in the cell.
+        return cell not in living.named["orthoview"]
+    geometry = entry.geometry.hash if entry.geometry else None
+    return living.named["orthoview"].get(cell) == entry.hash and living.named["geometry"].get(cell) == geometry
 
 
 def _living(store: Store, progress: Progress) -> _Living:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 BUILDINGS_PER_MESH = 1024
 """Some 500 m of a city: a changed building costs the leaves that its mesh reaches into."""
-LEVELS = 20
+LEVELS = 22
 _FINEST = 16.0
-"""Metres: side of the smallest square of the quadtree; the largest is 16 km * 2^10."""
+"""Metres: side of the smallest square of the quadtree; the largest is 67,000 km wide, more than any CRS on Earth."""
 _HALF = 1 << (LEVELS - 1)
 
 

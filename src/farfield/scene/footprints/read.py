@@ -39,7 +39,7 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     if not len(table) and options.region is None:
         raise InputError("holds no features", where, EXPORT_AGAIN)
     if not len(table):
-        return scene_of([], np.empty(0, np.int32), np.empty((0, 3, 4)), crs=options.crs or table.crs, families=(where,),
+        return scene_of([], np.empty(0, np.int32), np.empty((0, 3, 4)), crs=options.crs, families=(where,),
                         source_bytes=path.stat().st_size)  # fmt: skip
     crs, project = in_metres(table, options.crs, where, warnings)
     height = heights_of(table.columns, len(table), options.height_attribute, options.default_height, where)

@@ -74,7 +74,9 @@ def _texture(store: Store, chunk: str) -> Texture:
     found = _textures.get((store.location, chunk))
     if found is None:
         key = chunk_key(chunk)
-        found = _textures[store.location, chunk] = decode_texture(store.get(key), f"{store.location}: {key}")
+        read = decode_texture(store.get(key), f"{store.location}: {key}")
+        # Another thread may have read it meanwhile.
+        found = _textures.setdefault((store.location, chunk), read)
     return found
 
 

@@ -16,7 +16,8 @@ from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chu
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.sources import Words, print_of, source_of, words_of
 from farfield.store.contract import Store
-from farfield.world.chunks import put_scene_chunks
+from farfield.world.chunks import put_scene_values, scene_values
+from farfield.world.keys import attributes_key, chunk_key
 from farfield.world.limits import Count, Vector
 
 KEY = "record/scene"
@@ -70,32 +71,54 @@ class StoredScene:
     """(meshes,) `print_of` each source when it was summed up."""
 
     def known(self, sources: Sequence[MeshSource]) -> list[MeshSummary | None]:
-        """What is known of other sources because they are among those of the scene, and have not changed since."""
-        mine = zip(self.scene.meshes, self.prints, self.summaries, strict=True)
-        have = {_identity(source, before): summary for source, before, summary in mine if summary.content}
-        return [have.get(_identity(source, now)) if (now := print_of(source)) is not None else None
-                for source in sources]  # fmt: skip
+        """What is known of other sources because they are among those of the scene, and have not changed since.
+
+        Of files that are gone this is all that can be known: their meshes stay in the scene, and are missed when a cell
+        that they reach into has to be drawn.
+        """
+        have: dict[bytes, MeshSummary] = {}
+        for source, before, summary in zip(self.scene.meshes, self.prints, self.summaries, strict=True):
+            if summary.content:
+                have[_identity(source, before)] = have[_identity(source, "any")] = summary
+        return [have.get(_identity(source, _told(source))) for source in sources]
 
 
-def _identity(source: MeshSource, print: list[int] | None) -> bytes:
+def _told(source: MeshSource) -> list[int] | str:
+    """What there is to tell its file by: "any" for one that is gone, "none" for one that always may have changed."""
+    path = getattr(source, "path", None)
+    if path is not None and not path.exists():
+        return "any"
+    fingerprint = print_of(source)
+    return "none" if fingerprint is None else fingerprint
+
+
+def _identity(source: MeshSource, fingerprint: list[int] | str | None) -> bytes:
     if isinstance(source, StoredFootprints):  # The same in a file of another name.
         return msgspec.json.encode((source.chunk, source.facades))
-    return msgspec.json.encode((words_of(source), print))
+    return msgspec.json.encode((words_of(source), fingerprint))
 
 
-def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], version: int) -> None:
+def write_scene(
+    store: Store,
+    scene: Scene,
+    summaries: Sequence[MeshSummary],
+    prints: Sequence[list[int] | None],
+    version: int,
+) -> None:
     """Makes the scene the store's, if it can be told in words; otherwise nothing is kept. Raises StoreError.
 
+    prints: `print_of` each mesh before it was summed up: a file that has changed since is not the one that is known.
     version: of the bake: what another one knew of meshes says nothing.
     """
     notes = []
-    for source, summary in zip(scene.meshes, summaries, strict=True):
+    for source, summary, before in zip(scene.meshes, summaries, prints, strict=True):
         words = words_of(source)
         if words is None:
             store.delete(KEY)
-            put_scene_chunks(store, ())
+            put_scene_values(store, ())
             return
-        notes.append(_MeshNote(words, print_of(source), summary.triangles, summary.content, len(summary.boxes),
+        fingerprint = before if print_of(source) == before else None
+        notes.append(_MeshNote(words, fingerprint, summary.triangles, summary.content, len(summary.boxes),
                                summary.notes))  # fmt: skip
     about = _SceneNote(
         version, tuple(notes), scene.name, scene.crs, scene.origin, scene.credits, scene.families, scene.source_bytes,
@@ -109,8 +132,12 @@ def write_scene(store: Store, scene: Scene, summaries: Sequence[MeshSummary], ve
         "first_object": own.first_object,
         "objects": own.objects,
     }
-    put_scene_chunks(store, (note.source["chunk"] for note in notes if "chunk" in note.source))
+    values = [chunk_key(note.source["chunk"]) for note in notes if "chunk" in note.source]
+    values += [attributes_key(part) for part in scene.attribute_parts if part]
+    # Whichever of the two scenes a crash leaves, what it is made of is no garbage.
+    put_scene_values(store, [*scene_values(store), *values])
     store.put(KEY, encode_chunk(SceneChunk(KIND, msgspec.to_builtins(about), arrays)))
+    put_scene_values(store, values)
 
 
 def read_scene_of(store: Store, version: int) -> StoredScene | None:

@@ -4,22 +4,59 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
+from msgspec import Meta
+
+from farfield.scene.footprints.order import LEVELS
 from farfield.scene.gltf.read import GltfMesh
 from farfield.scene.model import MeshSource
 from farfield.scene.procedural.ground import GroundPlane
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.piece import StoredPiece
 from farfield.scene.surfaces.obj import parse_obj
-from farfield.scene.surfaces.ply import parse_ply
+from farfield.scene.surfaces.ply import open_ply, parse_ply
 from farfield.scene.surfaces.source import FileMesh
-from farfield.scene.surfaces.stl import parse_stl
+from farfield.scene.surfaces.stl import open_stl, parse_stl
 from farfield.store.contract import Store
+from farfield.world.limits import Count, Hash
 
-_PARSERS = {"obj": parse_obj, "ply": parse_ply, "stl": parse_stl}
+_FORMATS = {"obj": (parse_obj, None), "ply": (parse_ply, open_ply), "stl": (parse_stl, open_stl)}
 
 Words = dict[str, Any]
+
+
+class _Footprints(msgspec.Struct):
+    chunk: Hash
+    family: str
+    level: Annotated[int, Meta(ge=0, le=LEVELS)]
+    prefix: Annotated[int, Meta(ge=0, lt=1 << 2 * LEVELS)]
+    count: Count
+    facades: bool
+
+
+class _Piece(msgspec.Struct):
+    chunk: Hash
+    name: str
+
+
+class _Gltf(msgspec.Struct):
+    path: str
+    index: Count
+    name: str
+
+
+class _File(msgspec.Struct):
+    path: str
+
+
+class _Ground(msgspec.Struct):
+    width: float
+    depth: float
+    pattern: str
+    color: tuple[int, int, int] | None
+    tile: float
 
 
 def words_of(source: MeshSource) -> Words | None:
@@ -33,7 +70,7 @@ def words_of(source: MeshSource) -> Words | None:
         case GltfMesh():
             return {"kind": "gltf", "path": _absolute(source.path), "index": source.index, "name": source.name}
         case FileMesh():
-            parser = next(name for name, parse in _PARSERS.items() if parse is source.parse)
+            parser = next(name for name, (parse, _) in _FORMATS.items() if parse is source.parse)
             return {"kind": parser, "path": _absolute(source.path)}
         case GroundPlane():
             return {"kind": "ground", **dataclasses.asdict(source)}
@@ -45,15 +82,17 @@ def source_of(words: Words, store: Store) -> MeshSource:
     facts = dict(words)
     kind = facts.pop("kind")
     if kind == "footprints":
-        return StoredFootprints(store, **facts)
+        return StoredFootprints(store, **msgspec.to_builtins(msgspec.convert(facts, _Footprints)))
     if kind == "piece":
-        return StoredPiece(store, **facts)
+        piece = msgspec.convert(facts, _Piece)
+        return StoredPiece(store, piece.chunk, piece.name)
     if kind == "gltf":
-        return GltfMesh(Path(facts["path"]), int(facts["index"]), str(facts["name"]))
+        gltf = msgspec.convert(facts, _Gltf)
+        return GltfMesh(Path(gltf.path), gltf.index, gltf.name)
     if kind == "ground":
-        color = facts.pop("color")
-        return GroundPlane(**facts, color=None if color is None else tuple(color))
-    return FileMesh(Path(facts["path"]), _PARSERS[kind])
+        ground = msgspec.convert(facts, _Ground)
+        return GroundPlane(ground.width, ground.depth, ground.pattern, ground.color, ground.tile)
+    return FileMesh(Path(msgspec.convert(facts, _File).path), *_FORMATS[kind])
 
 
 def print_of(source: MeshSource) -> list[int] | None:
