@@ -38,8 +38,8 @@ def with_region(stored: StoredScene, fresh: Scene | None, region: Region, store:
     footprints = [isinstance(source, StoredFootprints) for source in scene.meshes]
     is_chunk = np.array(footprints, bool)[scene.instances.mesh]
     parts = [_placements(stored, fresh, ~is_chunk, region, progress)]
-    parts += _footprints(stored, fresh, is_chunk, region, store)
-    return _gathered(scene, fresh, parts)
+    families = _footprints(stored, fresh, is_chunk, region, store)
+    return replace(_gathered(scene, fresh, [*parts, *families.values()]), families=tuple(families))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,6 @@ def _gathered(scene: Scene, fresh: Scene | None, parts: list[_Rows]) -> Scene:
         object_count=object_count(rows.first_object, rows.objects),
         attribute_parts=tuple(rows.attributes),
         credits=tuple(dict.fromkeys(scene.credits + added.credits)),
-        families=tuple(dict.fromkeys(scene.families + added.families)),
         warnings=added.warnings,
     )
 
@@ -176,8 +175,8 @@ class _StoredChunk:
 
 def _footprints(
     stored: StoredScene, fresh: Scene | None, rows: NDArray[np.bool_], region: Region, store: Store
-) -> list[_Rows]:
-    """The footprints of every file."""
+) -> dict[str, _Rows]:
+    """The footprints of every file that the scene has or had."""
     families: dict[str, list[int]] = {}
     for row in np.flatnonzero(rows).tolist():
         source = stored.scene.meshes[stored.scene.instances.mesh[row]]
@@ -192,12 +191,12 @@ def _footprints(
     for family, own in families.items():
         if own and (fresh is None or family in given):
             _check_unmoved(stored.scene, family, own)
-    return [
-        _family(stored.scene, family, own, given.get(family), region, store)
+    return {
+        family: _family(stored.scene, family, own, given.get(family), region, store)
         if fresh is None or family in given
         else _Rows.of(stored.scene, np.array(own, np.int64))
         for family, own in families.items()
-    ]
+    }
 
 
 def _check_unmoved(scene: Scene, family: str, rows: list[int]) -> None:
