@@ -16,7 +16,6 @@ from farfield.bake.plan import Plan
 from farfield.bake.survey import MeshCache
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey, Grid
-from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.write import encode_texture, mesh_glb
 from farfield.represent.materials import MaterialTable, MipCache, TexturePool
@@ -129,7 +128,7 @@ class BakeContext:
         """Stores a shared mesh once; its hash and bytes."""
         if mesh not in self._mesh_files:
             loaded = self.meshes.get(mesh)
-            data = mesh_glb(_whole(loaded.blocks), loaded.materials, self.texture_hash)
+            data = mesh_glb(Chunk.whole(loaded.blocks), loaded.materials, self.texture_hash)
             name = content_hash(data)
             self._put_once(mesh_key(name), data)
             self._mesh_files[mesh] = name, len(data)
@@ -138,10 +137,3 @@ class BakeContext:
     def _put_once(self, key: str, data: bytes) -> None:
         if not self.store.exists(key):
             self.store.put(key, data)
-
-
-def _whole(blocks: BlockedMesh) -> Chunk:
-    """All triangles of a mesh in its own frame."""
-    t = blocks.placed(np.eye(3, 4), blocks.all_blocks)
-    positions = t.positions.astype(np.float32)
-    return Chunk(positions, t.normals, t.uvs, t.colors, t.triangles, t.materials, t.objects)

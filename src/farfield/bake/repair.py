@@ -21,7 +21,7 @@ def forget(world: World, bad: Iterable[str]) -> None:
 
     Tiles and near geometry: the note about their cell goes. Meshes and images that leaves share: the value goes, and
     the note about one leaf that needs it. Tables of attributes go, to be written by the next
-    bake as index tiles are. Raises StoreError.
+    bake of the sources as index tiles are. Raises StoreError.
     """
     store = world.store
     shared: set[str] = set()

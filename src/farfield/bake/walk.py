@@ -1,7 +1,7 @@
 """Depth-first walk of a subtree: leaves are drawn, parents composited from their children (OV 4.1).
 
 At any moment the tiles of one cell per level and its finished siblings are in memory, and each orthoview is written
-once; none is read back but those an earlier, interrupted bake had finished.
+once; none is read back but those of cells that an earlier bake made and this one has not changed.
 """
 
 from __future__ import annotations
