@@ -5,7 +5,8 @@
 Each `NAME.ffov` comes with a `NAME.json`: header, some pixels, and CRC-32 sums of the decoded planes, row by row over
 all pixels with 0 where nothing is: depth as little-endian u16, normal as pairs of bytes, coverage, length and flags
 (1 = connected, 2 = unlit) as bytes; object ids, where there is a `NAME.ffid`, as little-endian u32. Colour is lossy: a
-reader's may differ from the pixels listed by `color_tolerance`. Files in `corrupt/` must be refused.
+reader's may differ from the pixels listed by `color_tolerance`. Files in `corrupt/` must be refused. `deflated/`
+holds the same as farfield wrote them until 2026-11-25, which readers must go on to read; this script leaves it alone.
 """
 
 from __future__ import annotations
@@ -25,11 +26,13 @@ sys.path.insert(0, str(REPOSITORY))
 
 from benchmarks.layers import city, foliage, statue  # noqa: E402
 
+from farfield.represent.orthoview import container  # noqa: E402
 from farfield.represent.orthoview.connectivity import mark_connected  # noqa: E402
+from farfield.represent.orthoview.container import CODED, Plane  # noqa: E402
 from farfield.represent.orthoview.layer import OrthoLayer  # noqa: E402
 from farfield.represent.orthoview.object_tile import encode_object_tile  # noqa: E402
 from farfield.represent.orthoview.quality import quality  # noqa: E402
-from farfield.represent.orthoview.tile import decode_tile, encode_tile  # noqa: E402
+from farfield.represent.orthoview.tile import MAGIC, NORMAL, decode_tile, encode_tile  # noqa: E402
 
 FOLDER = REPOSITORY / "tests/vectors/tiles"
 
@@ -146,6 +149,13 @@ def corrupt(tile: bytes) -> dict[str, bytes]:
         struct.pack_into(form, changed, at, value)
         return sealed(bytes(changed))
 
+    def with_normals(plane: bytes) -> bytes:
+        header, planes = container.unpack(tile, MAGIC, "")
+        return container.pack(MAGIC, header, list((planes | {NORMAL: Plane(NORMAL, CODED, plane)}).values()))
+
+    _, planes = container.unpack(tile, MAGIC, "")
+    normals = planes[NORMAL].stored
+    packed = 4 + int.from_bytes(normals[:2], "little")
     middle = len(tile) // 2
     return {
         "truncated": tile[:middle],
@@ -156,6 +166,14 @@ def corrupt(tile: bytes) -> dict[str, bytes]:
         "plane-length": with_field("<I", 44, 2**32 - 1),
         "plane-codec": with_field("<B", 41, 9),
         "tail": sealed(tile + b"more"),
+        "coded-empty": with_normals(b""),
+        "coded-without-stream": with_normals(normals[:packed]),
+        "coded-short": with_normals(normals[:-2]),
+        "coded-odd": with_normals(normals + b"\0"),
+        "coded-long": with_normals(normals + bytes(2)),
+        "coded-state": with_normals(normals[:packed] + b"\1" + normals[packed + 1 :]),
+        "coded-size": with_normals(normals[:2] + b"\1" + normals[3:]),
+        "coded-tables": with_normals(normals[:4] + bytes(packed - 4) + normals[packed:]),
     }
 
 

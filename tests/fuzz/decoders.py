@@ -68,6 +68,7 @@ from fuzz.shells import (
     PNG,
     SEALED,
     plane,
+    tables,
 )
 from fuzz.table import Decoder
 from represent.random_layers import random_layer
@@ -105,13 +106,14 @@ def _times(factor: int) -> Callable[[bytes], int]:
 def _orthoview() -> Decoder:
     layers = [_LAYER, random_layer(1, 1, 1), random_layer(2, 1, 70), random_layer(3, 33, 40, fill=0.3)]
     fresh = [encode_tile(layer, n, n % 2, n, quality("normal")) for n, layer in enumerate(layers)]
-    shells = (BARE, SEALED, SEALED, *(plane(kind) for kind in (DEPTH, COLOR, NORMAL, COVERAGE, FLAGS, UNLIT)))
+    coded = (DEPTH, NORMAL, COVERAGE, FLAGS, UNLIT)
+    shells = (BARE, SEALED, SEALED, *map(plane, (*coded, COLOR)), *map(tables, coded))
     return Decoder("orthoview", decode_tile, (*fresh, *_golden("orthoview", 10)), shells, _tile_bound, _use_tile)
 
 
 def _tile_bound(data: bytes) -> int:
     width, height = int.from_bytes(data[20:22], "little"), int.from_bytes(data[22:24], "little")
-    return 64 * width * height * (max(width, height) <= 4096) + 4 * len(data) + _ROOM
+    return 64 * width * height * (max(width, height) <= 4096) + (1 << 20) + _ROOM
 
 
 def _use_tile(tile: Any) -> None:
@@ -136,8 +138,8 @@ def _objects() -> Decoder:
         "objects",
         lambda data: decode_object_tile(data, _LAYER),
         corpus,
-        (BARE, SEALED, SEALED, plane(OBJECTS)),
-        lambda data: 32 * _LAYER.depth.size + 4 * len(data) + _ROOM,
+        (BARE, SEALED, SEALED, plane(OBJECTS), tables(OBJECTS)),
+        lambda data: 32 * _LAYER.depth.size + 4 * len(data) + (1 << 20) + _ROOM,
     )
 
 

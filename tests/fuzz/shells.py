@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from farfield.represent.orthoview import container
-from farfield.represent.orthoview.container import DEFLATE, WEBP, Plane
+from farfield.represent.orthoview.container import CODED, DEFLATE, WEBP, Plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,21 +50,44 @@ SEALED = Shell("sealed", lambda value: value, lambda _, part: sealed(part))
 
 
 def plane(kind: int) -> Shell:
-    """The content of one plane of a tile."""
+    """The content of one plane of a tile, as it is stored when it is coded or a picture."""
 
     def opened(tile: bytes) -> bytes | None:
         found = container.unpack(tile, tile[:4], "")[1].get(kind)
-        if found is None or found.codec != DEFLATE:
+        if found is None or found.codec in (WEBP, CODED):
             return None if found is None else found.stored
-        return zlib.decompress(found.stored, -15)
+        return zlib.decompress(found.stored, -15) if found.codec == DEFLATE else found.stored
 
     def close(tile: bytes, part: bytes) -> bytes:
-        header, planes = container.unpack(tile, tile[:4], "")
-        codec = WEBP if planes[kind].codec == WEBP else DEFLATE
-        planes[kind] = Plane(kind, codec, part if codec == WEBP else deflated(part))
-        return container.pack(tile[:4], header, list(planes.values()))
+        codec = container.unpack(tile, tile[:4], "")[1][kind].codec
+        if codec in (WEBP, CODED):
+            return _with_plane(tile, Plane(kind, codec, part))
+        return _with_plane(tile, Plane(kind, DEFLATE, deflated(part)))
 
     return Shell(f"plane {kind}", opened, close)
+
+
+def _with_plane(tile: bytes, plane: Plane) -> bytes:
+    header, planes = container.unpack(tile, tile[:4], "")
+    return container.pack(tile[:4], header, list((planes | {plane.kind: plane}).values()))
+
+
+def tables(kind: int) -> Shell:
+    """The tables of one coded plane of a tile."""
+
+    def opened(tile: bytes) -> bytes | None:
+        found = container.unpack(tile, tile[:4], "")[1].get(kind)
+        if found is None or found.codec != CODED:
+            return None
+        return zlib.decompress(found.stored[4 : 4 + int.from_bytes(found.stored[:2], "little")], -15)
+
+    def close(tile: bytes, part: bytes) -> bytes:
+        stored = container.unpack(tile, tile[:4], "")[1][kind].stored
+        stream = stored[4 + int.from_bytes(stored[:2], "little") :]
+        packed, told = deflated(part)[:65535], min(len(part), 65535)
+        return _with_plane(tile, Plane(kind, CODED, struct.pack("<HH", len(packed), told) + packed + stream))
+
+    return Shell(f"tables {kind}", opened, close)
 
 
 def _index_close(tile: bytes, text: bytes) -> bytes:

@@ -15,12 +15,13 @@ from represent.random_layers import layers
 @given(layers())
 def test_depth(layer: OrthoLayer) -> None:
     count = np.count_nonzero(layer.depth)
-    high, low = np.empty(count, np.uint8), np.empty(count, np.uint8)
-    assert predict.depth_residuals(layer.depth, high, low) == count
-    assert (high.astype(int) * 256 + low).tolist() == plain_codec.depth_residuals(layer.depth)
+    residuals, listed = np.empty((2, count), np.uint16)
+    assert predict.depth_residuals(layer.depth, residuals) == count
+    assert residuals.tolist() == plain_codec.depth_residuals(layer.depth)
     restored = np.zeros_like(layer.depth)
-    assert predict.restore_depth(layer.valid.astype(np.uint8), high, low, restored) == 0
+    assert predict.restore_depth(layer.valid, residuals, restored, listed) == 0
     np.testing.assert_array_equal(restored, layer.depth)
+    np.testing.assert_array_equal(listed, layer.depth[layer.valid])
 
 
 @given(layers())
@@ -39,11 +40,12 @@ def test_normals(layer: OrthoLayer) -> None:
 def test_any_residuals_can_be_undone(seed: int, height: int, width: int) -> None:
     """Altered residuals give wrong pictures, never values out of range or reads out of bounds."""
     r = np.random.default_rng(seed)
-    mask = r.integers(0, 2, (height, width), dtype=np.uint8)
+    mask = r.integers(0, 2, (height, width)).astype(bool)
     count = int(mask.sum())
     depth = np.zeros(mask.shape, np.uint16)
     noise = r.integers(0, 256, (2, count), dtype=np.uint8)
-    zeros = predict.restore_depth(mask, noise[0], noise[1], depth)
+    residuals = r.integers(0, 65536, count, dtype=np.uint16)
+    zeros = predict.restore_depth(mask, residuals, depth, np.empty(count, np.uint16))
     assert zeros == np.count_nonzero(mask) - np.count_nonzero(depth)
     normal = np.zeros((height, width, 2), np.uint8)
     valid = np.count_nonzero(depth)

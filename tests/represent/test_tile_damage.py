@@ -82,7 +82,7 @@ COUNT = int(np.count_nonzero(LAYER.valid))
         (rebuilt(lambda h, p: ({"width": 65535, "height": 65535}, p)), "absurd"),
         (rebuilt(lambda h, p: ({"valid": 0}, p)), "absurd"),
         (rebuilt(lambda h, p: ({"valid": 2**32 - 1}, p)), "absurd"),
-        (rebuilt(lambda h, p: ({"valid": COUNT - 1}, p)), "does not hold"),
+        (rebuilt(lambda h, p: ({"valid": COUNT - 1}, p)), "does not mark"),
         (rebuilt(lambda h, p: ({"width": h.height, "height": h.width}, p)), "mask|colour"),
         (rebuilt(lambda h, p: ({"planes": 65}, p)), "65 planes"),
         (rebuilt(lambda h, p: ({"planes": 64}, p)), "do not fit|kind|ends beyond"),

@@ -13,6 +13,8 @@ from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 
 TILES = sorted(FOLDER.glob("*.ffov"))
+DEFLATED = sorted(FOLDER.glob("deflated/*.ffov"))
+"""As farfield wrote them until 2026-11-25."""
 
 
 def found_in(path: Path) -> dict[str, object]:
@@ -29,7 +31,7 @@ def lossless(expected: dict[str, object]) -> dict[str, object]:
     return {**expected, "pixels": pixels}
 
 
-@pytest.mark.parametrize("path", TILES, ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", [*TILES, *DEFLATED], ids=lambda p: f"{p.parent.name}-{p.stem}")
 def test_decodes_as_written(path: Path) -> None:
     expected = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     found = found_in(path)
@@ -38,7 +40,7 @@ def test_decodes_as_written(path: Path) -> None:
         assert max(abs(a - b) for a, b in zip(one["color"], other["color"], strict=True)) <= expected["color_tolerance"]
 
 
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("corrupt/*.ffov")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("**/corrupt/*.ffov")), ids=lambda p: p.stem)
 def test_corrupt_ones_are_refused(path: Path) -> None:
     with pytest.raises(CorruptTileError):
         decode_tile(path.read_bytes(), path.name)

@@ -1,6 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { crc32 } from "../src/core/crc32.js";
 import { decodeTile, WORDS, type DecodedTile } from "../src/core/orthoview/decode.js";
+import { readTile } from "../src/core/orthoview/header.js";
+import { withPlanes } from "./fuzz/shells.js";
 import { listVectors, readJson, readVector } from "./vectors.js";
 
 /** What scripts/write_tile_vectors.py writes beside each tile. */
@@ -44,23 +46,42 @@ function planesOf({ pixels, width, height, count }: DecodedTile): Record<keyof E
   return planes;
 }
 
+/** Coded, and as Python wrote them until 2026-11-25. */
+const FOLDERS = ["tiles", "tiles/deflated"] as const;
+const tilesOf = (folder: string): string[] => listVectors(folder, ".ffov").map((name) => `${folder}/${name}`);
+
+async function expectDecoded(bytes: Uint8Array, name: string): Promise<void> {
+  const expected = readJson<Expected>(name.replace(".ffov", ".json"));
+  const tile = await decodeTile(bytes, name, grey);
+  const { direction, index, level, x, y, width, height, depth_base: depthBase, valid } = expected;
+  expect(tile).toMatchObject({ direction, layer: index, level, x, y, width, height, depthBase, count: valid });
+  for (const [plane, content] of Object.entries(planesOf(tile))) {
+    expect(crc32(content), plane).toBe(expected.crc32[plane as keyof Expected["crc32"]]);
+  }
+}
+
+/** A tile with the planes of `other` whose bit in `choice` is set; both tell the same. */
+function mixed(tile: Uint8Array, other: Uint8Array, choice: number): Uint8Array {
+  const [own, others] = [readTile(tile, "").planes, readTile(other, "").planes];
+  return withPlanes(tile, new Map([...own].map(([kind, plane]) => [kind, (choice >> kind) & 1 ? others.get(kind)! : plane])));
+}
+
 describe("orthoview tiles written by Python", () => {
-  it.each(listVectors("tiles", ".ffov"))("%s decodes to the same planes", async (name) => {
-    const expected = readJson<Expected>(`tiles/${name.replace(".ffov", ".json")}`);
-    const tile = await decodeTile(readVector(`tiles/${name}`), name, grey);
-    const { direction, index, level, x, y, width, height, depth_base: depthBase, valid } = expected;
-    expect(tile).toMatchObject({ direction, layer: index, level, x, y, width, height, depthBase, count: valid });
-    for (const [plane, bytes] of Object.entries(planesOf(tile))) {
-      expect(crc32(bytes), plane).toBe(expected.crc32[plane as keyof Expected["crc32"]]);
-    }
+  it.each(FOLDERS.flatMap(tilesOf))("%s decodes to the same planes", async (name) => {
+    await expectDecoded(readVector(name), name);
   });
 
-  it.each(listVectors("tiles/corrupt", ".ffov"))("%s is refused", async (name) => {
-    await expect(decodeTile(readVector(`tiles/corrupt/${name}`), name, grey)).rejects.toMatchObject({ tag: "corrupt" });
+  it.each(["foliage-first", "noise", "row", "column"])("%s with planes in any mixture of codecs", async (name) => {
+    const [coded, deflated] = FOLDERS.map((folder) => readVector(`${folder}/${name}.ffov`));
+    for (let choice = 0; choice < 128; choice += 2) await expectDecoded(mixed(coded!, deflated!, choice), `tiles/${name}.ffov`);
   });
 
-  it("cut short anywhere is refused", async () => {
-    const whole = readVector("tiles/foliage-first.ffov");
+  it.each(FOLDERS.flatMap((folder) => tilesOf(`${folder}/corrupt`)))("%s is refused", async (name) => {
+    await expect(decodeTile(readVector(name), name, grey)).rejects.toMatchObject({ tag: "corrupt" });
+  });
+
+  it.each(FOLDERS)("%s cut short anywhere are refused", async (folder) => {
+    const whole = readVector(`${folder}/foliage-first.ffov`);
     for (const length of [0, 1, 39, 40, 88, 200, whole.length - 1]) {
       await expect(decodeTile(whole.subarray(0, length), "short", grey)).rejects.toMatchObject({ tag: "corrupt" });
     }

@@ -38,7 +38,7 @@ class CellTiles:
 
         made = zip(context.directions, context.each(view, context.directions), strict=True)
         drawn = {direction.number: layers for direction, layers in made if layers}
-        self.views = choose_views(drawn, context.directions, context.grid, self._key)
+        self.views = choose_views(drawn, context.directions, context.grid, self._key, context.each)
 
     def _add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
         """Connects and encodes the layers of one view; object ids of the first layer only."""

@@ -94,7 +94,7 @@ def _decoded(context: BakeContext, cell: BakedCell, encoded: Tiles, objects: Til
     for index in range(context.job.options.depth_layers):
         if (direction, index) in encoded:
             where = orthoview_key(cell.key, direction, index, cell.record.entry.hash)
-            layer = decode_tile(encoded[direction, index], where).layer
+            layer = decode_tile(encoded[direction, index], where, flags=False).layer
             if (direction, index) in objects:
                 where = objects_key(cell.key, direction, index, cell.record.entry.hash)
                 layer = replace(layer, objects=decode_object_tile(objects[direction, index], layer, where))

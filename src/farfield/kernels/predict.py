@@ -12,9 +12,10 @@ from numba import types
 
 from farfield.kernels.compiling import device, kernel
 
-_MASK = types.Array(types.uint8, 2, "C", readonly=True)
+_MASK = types.Array(types.boolean, 2, "C", readonly=True)
 _DEPTH = types.Array(types.uint16, 2, "C", readonly=True)
 _NORMAL = types.Array(types.uint8, 3, "C", readonly=True)
+_WORDS = types.Array(types.uint16, 1, "C", readonly=True)
 _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 _OUT = types.uint8[::1]
 
@@ -60,11 +61,11 @@ def _predicted_depth(depth, y, x, last):  # type: ignore[no-untyped-def]
     return last
 
 
-@kernel(types.int64(_DEPTH, _OUT, _OUT))
-def depth_residuals(depth, high, low):  # type: ignore[no-untyped-def]
-    """Residuals of valid depths, zigzag, split into their bytes; returns how many.
+@kernel(types.int64(_DEPTH, types.uint16[::1]))
+def depth_residuals(depth, residuals):  # type: ignore[no-untyped-def]
+    """Residuals of valid depths, zigzag; returns how many.
 
-    depth: (h, w) uint16, 0 = nothing there. high, low: (valid,) uint8, written in valid order.
+    depth: (h, w) uint16, 0 = nothing there. residuals: (valid,) uint16, written in valid order.
     """
     rows, columns = depth.shape
     n = 0
@@ -76,19 +77,18 @@ def depth_residuals(depth, high, low):  # type: ignore[no-untyped-def]
                 continue
             r = value - _predicted_depth(depth, y, x, last)
             r = ((r + 32768) & 65535) - 32768
-            z = 2 * r if r >= 0 else -2 * r - 1
-            high[n] = z >> 8
-            low[n] = z & 255
+            residuals[n] = 2 * r if r >= 0 else -2 * r - 1
             last = value
             n += 1
     return n
 
 
-@kernel(types.int64(_MASK, _BYTES, _BYTES, types.uint16[:, ::1]))
-def restore_depth(mask, high, low, depth):  # type: ignore[no-untyped-def]
+@kernel(types.int64(_MASK, _WORDS, types.uint16[:, ::1], types.uint16[::1]))
+def restore_depth(mask, residuals, depth, listed):  # type: ignore[no-untyped-def]
     """Undo depth_residuals; returns how many valid depths came out as 0, which no writer makes.
 
-    mask: (h, w) uint8, 1 = valid. high, low: (valid,) uint8. depth: (h, w) uint16, all zero, written.
+    mask: (h, w) bool. residuals: (valid,) uint16. depth: (h, w) uint16, all zero, and listed: (valid,),
+    both written.
     """
     rows, columns = mask.shape
     n = 0
@@ -96,14 +96,15 @@ def restore_depth(mask, high, low, depth):  # type: ignore[no-untyped-def]
     last = types.int32(FIRST_DEPTH)
     for y in range(rows):
         for x in range(columns):
-            if mask[y, x] == 0:
+            if not mask[y, x]:
                 continue
-            z = (types.int32(high[n]) << 8) | types.int32(low[n])
+            z = types.int32(residuals[n])
             r = z >> 1 if z & 1 == 0 else -(z >> 1) - 1
             value = types.int32((r + _predicted_depth(depth, y, x, last)) & 65535)
             if value == 0:
                 zeros += 1
             depth[y, x] = value
+            listed[n] = value
             last = value
             n += 1
     return zeros

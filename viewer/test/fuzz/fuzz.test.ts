@@ -22,7 +22,7 @@ import { parseNearModel } from "../../src/three/near/parse.js";
 import type { TextureShelf } from "../../src/three/near/textures.js";
 import { listVectors, readVector } from "../vectors.js";
 import { joined, mutated, mutatedJson, Random } from "./mutate.js";
-import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, plane, SEALED, type Shell } from "./shells.js";
+import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, plane, SEALED, tables, type Shell } from "./shells.js";
 
 const SAMPLE = 250;
 const SECONDS = 2;
@@ -41,6 +41,7 @@ interface Decoder {
 
 const GOLDEN = unzipSync(readFileSync(new URL("../../../tests/fixtures/world-v1.zip", import.meta.url)));
 const below = (folder: string): Uint8Array[] => Object.keys(GOLDEN).filter((name) => name.startsWith(folder)).sort().map((name) => GOLDEN[name]!);
+const vectors = (folder: string): Uint8Array[] => listVectors(folder, ".ffov").map((name) => readVector(`${folder}/${name}`));
 const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
 const SERVERS = { rule: "cell-crc32", level: 1, addresses: ["https://a.example.org/city/", "./", "../b/"] };
 const SPLIT = new TextEncoder().encode(JSON.stringify({ ...(JSON.parse(text(GOLDEN["world.json"]!)) as object), servers: SERVERS }));
@@ -76,8 +77,8 @@ const DECODERS: readonly Decoder[] = [
   {
     name: "orthoview",
     decode: orthoview,
-    corpus: [...listVectors("tiles", ".ffov").map((name) => readVector(`tiles/${name}`)), ...below("orthoview").slice(0, 8)],
-    shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).map(plane)],
+    corpus: [...["tiles", "tiles/deflated"].flatMap(vectors), ...below("orthoview").slice(0, 8)],
+    shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).flatMap((kind) => [plane(kind), tables(kind)])],
     bound: (bytes) => 64 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
   },
   { name: "index", decode: index, corpus: below("index"), shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },

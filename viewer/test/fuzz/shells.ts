@@ -1,7 +1,7 @@
 /** Ways into a value: a part of it is damaged, and lengths and checksums are made right around it (tests/fuzz/shells.py). */
 import { deflateRawSync, inflateRawSync } from "node:zlib";
 import { crc32 } from "../../src/core/crc32.js";
-import { readTile } from "../../src/core/orthoview/header.js";
+import { CODEC, readTile, type StoredPlane } from "../../src/core/orthoview/header.js";
 import { joined } from "./mutate.js";
 
 export interface Shell {
@@ -30,22 +30,52 @@ export function sealed(tile: Uint8Array): Uint8Array {
 
 export const SEALED: Shell = { ...BARE, name: "sealed", close: (_, part) => sealed(part) };
 
-/** The content of one plane of a tile. */
-export function plane(kind: number): Shell {
+/** A tile with other planes in place of its own, of the same kinds in the same order. */
+export function withPlanes(tile: Uint8Array, planes: ReadonlyMap<number, StoredPlane>): Uint8Array {
+  const header = tile.slice(0, 40 + 8 * planes.size);
+  [...planes.values()].forEach(({ codec, bytes }, n) => {
+    header[41 + 8 * n] = codec;
+    header.set(u32(bytes.length), 44 + 8 * n);
+  });
+  return sealed(joined(header, ...[...planes.values()].map(({ bytes }) => bytes)));
+}
+
+/** A part of one plane of a tile, of all its bytes. */
+function within(name: string, kind: number, open: (plane: StoredPlane) => Uint8Array | null, close: (plane: StoredPlane, part: Uint8Array) => Uint8Array): Shell {
   return {
-    name: `plane ${kind}`,
+    name: `${name} ${kind}`,
     open: (tile) => {
-      const found = readTile(tile, "").planes.get(kind);
-      return found ? (found.deflated ? new Uint8Array(inflateRawSync(found.bytes)) : found.bytes) : null;
+      const plane = readTile(tile, "").planes.get(kind);
+      return plane ? open(plane) : null;
     },
     close: (tile, part) => {
-      const planes = [...readTile(tile, "").planes];
-      const stored = planes.map(([name, { bytes, deflated: packed }]) => (name !== kind ? bytes : packed ? deflated(part) : part));
-      const header = tile.slice(0, 40 + 8 * planes.length);
-      stored.forEach((bytes, n) => header.set(u32(bytes.length), 44 + 8 * n));
-      return sealed(joined(header, ...stored));
+      const planes = new Map(readTile(tile, "").planes);
+      const plane = planes.get(kind)!;
+      return withPlanes(tile, planes.set(kind, { ...plane, bytes: close(plane, part) }));
     },
   };
+}
+
+/** The content of one plane of a tile; one that is coded as it is. */
+export function plane(kind: number): Shell {
+  return within(
+    "plane", kind,
+    ({ codec, bytes }) => (codec === CODEC.deflate ? new Uint8Array(inflateRawSync(bytes)) : bytes),
+    ({ codec }, part) => (codec === CODEC.deflate ? deflated(part) : part),
+  );
+}
+
+/** The tables of a coded plane, unpacked. */
+export function tables(kind: number): Shell {
+  const streamAt = (bytes: Uint8Array): number => 4 + bytes[0]! + 256 * bytes[1]!;
+  return within(
+    "tables", kind,
+    ({ codec, bytes }) => (codec === CODEC.coded ? new Uint8Array(inflateRawSync(bytes.subarray(4, streamAt(bytes)))) : null),
+    ({ bytes }, part) => {
+      const packed = deflated(part);
+      return joined(new Uint8Array(Uint16Array.of(packed.length, part.length).buffer), packed, bytes.subarray(streamAt(bytes)));
+    },
+  );
 }
 
 export const INDEX_TEXT: Shell = {

@@ -17,11 +17,7 @@ VERSION = 1
 MAXIMUM_SIDE = 4096
 """Columns or rows of a tile."""
 MAXIMUM_PLANES = 64
-_PROBE = 16384
-_WORTH = 0.9
-"""Bytes of a plane tried with and without a search for repetitions, taken round three quarters of it: the low bytes
-of depth; and what part of the size must remain at most for the search to be worth five times the time."""
-RAW, DEFLATE, WEBP = 0, 1, 2
+RAW, DEFLATE, WEBP, CODED = 0, 1, 2, 3
 """Codecs of a plane."""
 
 _HEADER = struct.Struct("<4sHBBiiiHHiIHHI")
@@ -117,26 +113,6 @@ def _planes(data: bytes, count: int, where: str) -> dict[int, Plane]:
     if at != len(data):
         raise CorruptTileError(f"{len(data) - at} bytes follow the last plane", where)
     return planes
-
-
-def deflated(kind: int, content: bytes) -> Plane:
-    """A plane deflated, or raw when that is not longer (noise).
-
-    Most residuals hold no longer repetitions than runs. For them run lengths and Huffman codes alone make planes as
-    small as level 9 does, eight times as fast as level 6 (normals of 512 x 512: 3 against 24 ms). Where large planes
-    leave periodic rounding residuals, as in cities, level 6 takes off 10 to 60 %. So a piece is tried both ways.
-    """
-    at = max(0, len(content) * 3 // 4 - _PROBE // 2)
-    piece = content[at : at + _PROBE]
-    searches = len(_squeezed(piece, searches=True)) < _WORTH * len(_squeezed(piece, searches=False))
-    stored = _squeezed(content, searches)
-    return Plane(kind, DEFLATE, stored) if len(stored) < len(content) else Plane(kind, RAW, content)
-
-
-def _squeezed(content: bytes, searches: bool) -> bytes:
-    level, strategy = (6, zlib.Z_DEFAULT_STRATEGY) if searches else (1, zlib.Z_RLE)
-    stream = zlib.compressobj(level, zlib.DEFLATED, -15, 9, strategy)
-    return stream.compress(content) + stream.flush()
 
 
 def inflated(planes: Mapping[int, Plane], kind: int, name: str, size: int, where: str) -> bytes:

@@ -7,7 +7,8 @@ ground. A greedy cover of what is seen from a bin gains 1.4 to 3 dB over them at
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from farfield.geometry.directions import PRINCIPAL, Direction
 from farfield.kernels.coverage import draw_samples, greedy_cover, sample_layer
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.orthoview.layer import OrthoLayer
+
+_One = TypeVar("_One")
+_Made = TypeVar("_Made")
 
 MOST_VIEWS = 5
 """Directions listed for a bin, best first."""
@@ -38,13 +42,23 @@ BEHIND = 0.6
 city."""
 
 
+class Each(Protocol):
+    """`map`, or that of a pool of threads."""
+
+    def __call__(self, work: Callable[[_One], _Made], things: Iterable[_One], /) -> Iterable[_Made]: ...
+
+
 def choose_views(
-    layers: Mapping[int, Sequence[OrthoLayer]], directions: Iterable[Direction], grid: Grid, key: CellKey
+    layers: Mapping[int, Sequence[OrthoLayer]],
+    directions: Iterable[Direction],
+    grid: Grid,
+    key: CellKey,
+    each: Each = map,
 ) -> tuple[tuple[int, ...], ...]:
     """For each of the 26 view bins the numbers of up to 5 directions that together show most, best first.
 
     layers: the one or two layers of each baked direction by its number; directions without layers show nothing.
-    Every bin gets at least one direction unless there is no layer at all. Deterministic.
+    Every bin gets at least one direction unless there is no layer at all. Deterministic. each: does the bins.
     """
     views = [d for d in directions if layers.get(d.number)]
     if not views:
@@ -55,19 +69,20 @@ def choose_views(
     spacing = step * grid.pitch(key.level)
     samples, starts = _samples(layers, views, grid, key.level, middle, step)
     towards = np.array([d.vector for d in views], dtype=np.float32)
-    nearest = np.empty((EYES, len(views), PICTURE, PICTURE), np.float32)
-    quality = np.empty_like(nearest)
-    chosen = np.empty(MOST_VIEWS, np.int64)
     focal = np.float32(PICTURE * EYE_DISTANCE / 1.5)
-    table = []
-    for vector in PRINCIPAL:
+
+    def best(vector: tuple[int, int, int]) -> tuple[int, ...]:
+        nearest = np.empty((EYES, len(views), PICTURE, PICTURE), np.float32)
+        quality = np.empty_like(nearest)
+        chosen = np.empty(MOST_VIEWS, np.int64)
         for eye, looking in enumerate(_eyes(vector)):
             camera = _camera(looking, EYE_DISTANCE * size)
             draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), nearest[eye], quality[eye])
         count = greedy_cover(nearest, quality, np.float32(TOLERANCE * spacing), np.float32(BEHIND), chosen)
         order = [int(k) for k in chosen[:count]] or _nearest_by_angle(towards, vector)
-        table.append(tuple(views[k].number for k in order))
-    return tuple(table)
+        return tuple(views[k].number for k in order)
+
+    return tuple(each(best, PRINCIPAL))
 
 
 def _eyes(vector: tuple[int, int, int]) -> NDArray[np.float64]:

@@ -7,14 +7,14 @@ const MAGIC = 0x564f4646; // "FFOV"
 const LARGEST = 4096;
 
 export const PLANE = { depth: 1, color: 2, normal: 3, coverage: 4, flags: 5, unlit: 6 } as const;
+export const CODEC = { raw: 0, deflate: 1, webp: 2, coded: 3 } as const;
 const MOST_PLANES = 64;
-const [DEFLATE, WEBP] = [1, 2];
 
 /** Bytes of a plane as they are stored. */
 export interface StoredPlane {
+  /** Of CODEC, where the kind is of PLANE. */
+  readonly codec: number;
   readonly bytes: Uint8Array;
-  /** Deflated, else raw (or WebP, where the kind says so). */
-  readonly deflated: boolean;
 }
 
 /** What a tile says of itself (spec/orthoview.md, Header). */
@@ -76,8 +76,8 @@ function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: str
     if (end > bytes.length) throw corrupt("tile is cut short", where);
     if (planes.has(kind)) throw corrupt(`plane ${kind} is there twice`, where);
     if (view.getUint16(entry + 2, true) !== 0) throw corrupt(`plane ${kind} is not of version 1`, where);
-    if (known(kind) && (kind === PLANE.color ? codec !== WEBP : codec > DEFLATE)) throw corrupt(`plane ${kind} in an unknown codec`, where);
-    planes.set(kind, { bytes: bytes.subarray(at, end), deflated: codec === DEFLATE });
+    if (known(kind) && !allowed(kind, codec)) throw corrupt(`plane ${kind} in an unknown codec`, where);
+    planes.set(kind, { codec, bytes: bytes.subarray(at, end) });
     at = end;
   }
   if (at !== bytes.length) throw corrupt("bytes behind the last plane", where);
@@ -86,4 +86,8 @@ function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: str
 
 function known(kind: number): boolean {
   return kind >= PLANE.depth && kind <= PLANE.unlit;
+}
+
+function allowed(kind: number, codec: number): boolean {
+  return codec <= CODEC.coded && (kind === PLANE.color) === (codec === CODEC.webp);
 }

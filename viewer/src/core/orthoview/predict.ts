@@ -1,124 +1,60 @@
-/** The mask of a tile, and values from residuals (spec/orthoview.md, Planes and Prediction). */
-
-/** The valid pixels of a tile in valid order, and for each where its neighbours stand in that order. */
-export interface ValidPixels {
-  /** (valid,) column | row << 12. */
-  readonly position: Uint32Array;
-  /** (valid,) place of the neighbour in valid order, or -1. */
-  readonly west: Int32Array;
-  readonly north: Int32Array;
-  readonly northWest: Int32Array;
-  readonly northEast: Int32Array;
-}
-
-/**
- * Lists the pixels of a mask: row by row, most significant bit first, each bit combined by exclusive or with the one above.
- * Null when it does not mark exactly `valid` pixels.
- */
-export function validPixels(mask: Uint8Array, width: number, height: number, valid: number): ValidPixels | null {
-  const position = new Uint32Array(valid);
-  const none = (): Int32Array => new Int32Array(valid).fill(-1);
-  const [west, north, northWest, northEast] = [none(), none(), none(), none()];
-  // A column more on both sides of the image saves the tests for the border.
-  let above = new Int32Array(width + 2).fill(-1);
-  let here = new Int32Array(width + 2).fill(-1);
-  let count = 0;
-  let bit = 0;
-  for (let row = 0; row < height; row++) {
-    for (let column = 1; column <= width; column++, bit++) {
-      const stored = (mask[bit >> 3]! & (128 >> (bit & 7))) !== 0;
-      if (stored === above[column]! >= 0) {
-        here[column] = -1;
-        continue;
-      }
-      if (count === valid) return null;
-      position[count] = (column - 1) | (row << 12);
-      west[count] = here[column - 1]!;
-      north[count] = above[column]!;
-      northWest[count] = above[column - 1]!;
-      northEast[count] = above[column + 1]!;
-      here[column] = count++;
-    }
-    [above, here] = [here, above];
-  }
-  return count === valid ? { position, west, north, northWest, northEast } : null;
-}
+/** Values from residuals (spec/orthoview.md, Prediction). */
+import { NORTH, NORTH_EAST, NORTH_WEST, northEastOf, WEST, type ValidPixels } from "./valid.js";
 
 /** Furthest apart that three depths may be to lie on a plane. */
 const PLANE_SPREAD = 32;
 
 /** Adds the predictions of depth to residuals in valid order, in place. */
-export function restoreDepth(values: Uint16Array, { west, north, northWest }: ValidPixels): void {
-  let previous = 0;
+export function restoreDepth(values: Uint16Array, { neighbours }: ValidPixels): void {
+  let previous = 0; // The value west, where there is one.
   for (let k = 0; k < values.length; k++) {
-    const [w, n, nw] = [west[k]!, north[k]!, northWest[k]!];
+    const around = neighbours[k]!;
     let prediction = previous;
-    if (w >= 0 && n >= 0) {
-      const [a, b] = [values[w]!, values[n]!];
-      prediction = nw >= 0 ? planeOrEdge(a, b, values[nw]!) : (a + b) >> 1;
-    } else if (w >= 0) prediction = values[w]!;
-    else if (n >= 0) prediction = values[n]!;
+    if (around & NORTH) {
+      const north = values[around >> 4]!;
+      if (!(around & WEST)) prediction = north;
+      else prediction = around & NORTH_WEST ? planeOrEdge(previous, north, values[(around >> 4) - 1]!) : (previous + north) >> 1;
+    }
     values[k] = previous = (values[k]! + prediction) & 0xffff;
   }
 }
 
-/** Where the neighbours that predict a pixel's normal stand in valid order; -1: it does not count. */
-interface Counting {
-  readonly west: Int32Array;
-  readonly north: Int32Array;
-  readonly northWest: Int32Array;
-  /** The only one that predicts, where the three do not; -2: the previous in valid order. */
-  readonly alone: Int32Array;
-}
+/** Further apart than two depths can be. */
+const NOWHERE = 1 << 20;
 
-const PREVIOUS = -2;
-
-/** Adds the predictions of both normal coordinates to residuals in valid order, in place. */
-export function restoreNormals(a: Uint8Array, b: Uint8Array, depths: Uint16Array, pixels: ValidPixels): void {
-  const counting = countNeighbours(depths, pixels);
-  for (const codes of [a, b]) restoreCodes(codes, counting);
-}
-
-function restoreCodes(codes: Uint8Array, { west, north, northWest, alone }: Counting): void {
-  let previous = 32;
-  for (let k = 0; k < codes.length; k++) {
-    let prediction = previous;
-    const single = alone[k]!;
-    if (single >= 0) prediction = codes[single]!;
-    else if (single !== PREVIOUS) {
-      const [a, b, nw] = [codes[west[k]!]!, codes[north[k]!]!, northWest[k]!];
-      prediction = nw >= 0 ? edgeDetector(a, b, codes[nw]!) : (a + b) >> 1;
-    }
-    codes[k] = previous = (codes[k]! + prediction) & 63;
-  }
-}
-
-/** A neighbour counts when its depth is about as near as the nearest neighbour's: then it lies on the same surface. */
-function countNeighbours(depths: Uint16Array, pixels: ValidPixels): Counting {
-  const count = depths.length;
-  const [west, north, northWest] = [new Int32Array(count), new Int32Array(count), new Int32Array(count)];
-  const alone = new Int32Array(count).fill(-1);
-  const FAR = 1 << 20;
-  for (let k = 0; k < count; k++) {
+/**
+ * Adds the predictions of both normal coordinates to residuals in valid order, in place. A neighbour counts when its depth is about as
+ * near as the nearest neighbour's: then it lies on the same surface.
+ */
+export function restoreNormals(a: Uint8Array, b: Uint8Array, depths: Uint16Array, { neighbours }: ValidPixels): void {
+  let [previousA, previousB] = [32, 32]; // The codes west, where there are some.
+  for (let k = 0; k < depths.length; k++) {
+    const around = neighbours[k]!;
+    const north = around >> 4;
+    const northEast = northEastOf(around);
     const depth = depths[k]!;
-    const [w, n, nw, ne] = [pixels.west[k]!, pixels.north[k]!, pixels.northWest[k]!, pixels.northEast[k]!];
-    const dw = w >= 0 ? Math.abs(depths[w]! - depth) : FAR;
-    const dn = n >= 0 ? Math.abs(depths[n]! - depth) : FAR;
-    const dnw = nw >= 0 ? Math.abs(depths[nw]! - depth) : FAR;
-    const dne = ne >= 0 ? Math.abs(depths[ne]! - depth) : FAR;
-    const least = Math.min(dw, dn, dnw, dne);
-    if (least === FAR) {
-      alone[k] = PREVIOUS;
-      continue;
+    const dw = around & WEST ? Math.abs(depths[k - 1]! - depth) : NOWHERE;
+    const dn = around & NORTH ? Math.abs(depths[north]! - depth) : NOWHERE;
+    const dnw = around & NORTH_WEST ? Math.abs(depths[north - 1]! - depth) : NOWHERE;
+    const dne = around & NORTH_EAST ? Math.abs(depths[northEast]! - depth) : NOWHERE;
+    const most = 2 * Math.min(dw, dn, dnw, dne) + 8;
+    let [predictionA, predictionB] = [previousA, previousB];
+    if (dw <= most && dn <= most && most < NOWHERE) {
+      if (dnw <= most) {
+        predictionA = edgeDetector(previousA, a[north]!, a[north - 1]!);
+        predictionB = edgeDetector(previousB, b[north]!, b[north - 1]!);
+      } else {
+        predictionA = (previousA + a[north]!) >> 1;
+        predictionB = (previousB + b[north]!) >> 1;
+      }
+    } else if (dw > most) {
+      const alone = dn <= most ? north : dnw <= most ? north - 1 : northEast;
+      predictionA = a[alone]!;
+      predictionB = b[alone]!;
     }
-    const most = 2 * least + 8;
-    if (dw <= most && dn <= most) {
-      west[k] = w;
-      north[k] = n;
-      northWest[k] = dnw <= most ? nw : -1;
-    } else alone[k] = dw <= most ? w : dn <= most ? n : dnw <= most ? nw : ne;
+    a[k] = previousA = (a[k]! + predictionA) & 63;
+    b[k] = previousB = (b[k]! + predictionB) & 63;
   }
-  return { west, north, northWest, alone };
 }
 
 function planeOrEdge(west: number, north: number, northWest: number): number {
@@ -133,13 +69,9 @@ function edgeDetector(west: number, north: number, northWest: number): number {
   return west + north - northWest;
 }
 
-/** High bytes, then low bytes of zigzag codes -> 16-bit residuals in two's complement. */
-export function unzigzag(bytes: Uint8Array): Uint16Array {
-  const count = bytes.length >> 1;
-  const residuals = new Uint16Array(count);
-  for (let k = 0; k < count; k++) {
-    const code = (bytes[k]! << 8) | bytes[count + k]!;
-    residuals[k] = (code >> 1) ^ -(code & 1);
-  }
+/** Zigzag codes -> 16-bit residuals in two's complement. */
+export function unzigzag(zigzags: Uint16Array): Uint16Array {
+  const residuals = new Uint16Array(zigzags.length);
+  for (let k = 0; k < zigzags.length; k++) residuals[k] = (zigzags[k]! >> 1) ^ -(zigzags[k]! & 1);
   return residuals;
 }
