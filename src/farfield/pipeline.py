@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from farfield.bake.bake import bake_held
 from farfield.bake.options import BAKE_VERSION, BakeOptions
@@ -21,6 +20,7 @@ from farfield.bake.region import with_region
 from farfield.bake.repair import forget
 from farfield.errors import CorruptTileError, MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
+from farfield.scene.georeference import moved_to
 from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions, Region
 from farfield.scene.read import read_scene
@@ -149,10 +149,7 @@ def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
     """The scene with the world's local zero, which follows from its extent where it has a CRS."""
     if scene.crs != manifest.crs:
         raise WorldError(f"the source has CRS {scene.crs}, the world {manifest.crs}", where, "bake it anew")
-    shift = np.subtract(scene.origin, manifest.origin)
-    moved = scene.instances.transform.copy()
-    moved[:, :, 3] += shift
-    return replace(scene, origin=manifest.origin, instances=replace(scene.instances, transform=moved))
+    return scene if scene.origin == manifest.origin else moved_to(scene, manifest.origin)
 
 
 class _Order(msgspec.Struct, frozen=True):
