@@ -257,8 +257,8 @@ def test_an_unknown_base_is_the_median_of_the_whole_file(tmp_path: Path, extensi
 
 def test_placements_are_to_the_bit_those_of_a_whole_bake(tmp_path: Path) -> None:
     """Of the region alone another origin follows, so that they are moved on another way."""
-    posts = np.random.default_rng(1).uniform((3170, 7100, 0), (3260, 7200, 0.1), (4000, 3))
-    scene = scene_toml(tmp_path, posts - [3200.7, 7190.3, 0.0])
+    posts = np.random.default_rng(1).uniform((-30, -90, 0), (59, 9, 0.1), (4000, 3))
+    scene = scene_toml(tmp_path, posts)
     scene.write_text(scene.read_text().replace("at = [0, 0, 0]", "at = [3200.7, 7190.3, 0.1]"))
     scene.write_text(scene.read_text().partition("[[ground]]")[0])
     town = [(x + 3000, y + 7000, height, name) for x, y, height, name in BUILDINGS]
