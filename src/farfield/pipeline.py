@@ -12,29 +12,31 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from farfield.bake.bake import bake_held
 from farfield.bake.options import BAKE_VERSION, BakeOptions
 from farfield.bake.partition import split_large
 from farfield.bake.region import with_region
 from farfield.bake.repair import forget
-from farfield.errors import MissingKeyError, OptionError, WorldError
+from farfield.errors import CorruptTileError, MissingKeyError, OptionError, WorldError
 from farfield.progress import NoProgress, Progress
+from farfield.scene.georeference import moved_to
 from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions, Region
 from farfield.scene.read import read_scene
+from farfield.scene.stored.scene import KEY as SCENE_KEY
 from farfield.scene.stored.scene import read_scene_of
 from farfield.serve.viewer_files import install_viewer
 from farfield.store import Store
 from farfield.store.archive.writer import writing_archive
 from farfield.store.opening import Place, is_archive, is_url, open_store
+from farfield.world.chunks import named_chunks
 from farfield.world.copying import Copied, copy_world
 from farfield.world.manifest import Manifest, read_manifest
 from farfield.world.split import open_world, refuse_split
 from farfield.world.splitting import Part, parts_of, split_world
 from farfield.world.targets import ArchiveTarget, StoreTarget
-from farfield.world.verification import Verification, verify_world
+from farfield.world.verification import Fault, Verification, verify_world
 from farfield.world.world import World
 
 
@@ -147,10 +149,7 @@ def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
     """The scene with the world's local zero, which follows from its extent where it has a CRS."""
     if scene.crs != manifest.crs:
         raise WorldError(f"the source has CRS {scene.crs}, the world {manifest.crs}", where, "bake it anew")
-    shift = np.subtract(scene.origin, manifest.origin)
-    moved = scene.instances.transform.copy()
-    moved[:, :, 3] += shift
-    return replace(scene, origin=manifest.origin, instances=replace(scene.instances, transform=moved))
+    return scene if scene.origin == manifest.origin else moved_to(scene, manifest.origin)
 
 
 class _Order(msgspec.Struct, frozen=True):
@@ -182,12 +181,12 @@ def _paths(sources: Sequence[Path]) -> tuple[str, ...]:
 def verify_place(place: Place, repair: bool = False, progress: Progress | None = None) -> Verification:
     """Checks a world; with `repair`, what is bad is baked again from the source that the world was baked from.
 
-    Raises WorldError: something is bad and the source is not known or not there any more; and as `open_store`,
-    `World.open` and `bake_sources` do.
+    Raises WorldError: something is bad and the source is not known or not there any more, or the scene that the world
+    keeps instead of it is damaged itself; and as `open_store`, `World.open` and `bake_sources` do.
     """
     progress = progress or NoProgress()
     store = open_store(place)
-    found = verify_world(World.open(store), progress)
+    found = _verified(store, progress)
     # What a damaged index tile hid is found when it is whole again.
     for _ in range(_REPAIRS if repair else 0):
         if not found.faults:
@@ -199,12 +198,27 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         progress.note(f"{len(found.faults):,} bad; baking them again from {origin}")
         refuse_split(store)
         with store.writing():
-            forget(World.open(store), [fault.key for fault in found.faults])
+            bad = {fault.key for fault in found.faults}
+            lost = bad & named_chunks(store) if stored else None
+            forget(World.open(store), bad)
+            if lost:
+                raise WorldError("a part of the scene that the world keeps is damaged", min(lost),
+                                 "update it once from everything, without --region")  # fmt: skip
             if stored:
                 bake_held(stored.scene, store, order.options, progress)
         if not stored:
             bake_sources(sources, place, order.options, progress)
-        found = verify_world(World.open(store), progress)
+        found = _verified(store, progress)
+    return found
+
+
+def _verified(store: Store, progress: Progress) -> Verification:
+    """`verify_world`, and whether the scene that the world keeps can be read."""
+    found = verify_world(World.open(store), progress)
+    try:
+        read_scene_of(store, BAKE_VERSION)
+    except CorruptTileError as error:
+        found = replace(found, faults=(*found.faults, Fault(SCENE_KEY, error.what)))
     return found
 
 

@@ -14,6 +14,10 @@ from bake.scenes import contents
 from farfield.bake.options import BakeOptions
 from farfield.cli import main
 from farfield.pipeline import bake_sources, update_place, verify_place
+from farfield.scene.footprints.features import FootprintChunk
+from farfield.scene.georeference import moved_to
+from farfield.scene.options import ReadOptions
+from farfield.scene.read import read_scene
 from farfield.store.directory import DirectoryStore
 from farfield.world.garbage import drop_garbage
 from farfield.world.manifest import read_manifest
@@ -156,7 +160,7 @@ def scene_toml(folder: Path, trees: np.ndarray) -> Path:
 
     folder.mkdir(exist_ok=True)
     write_glb(folder / "post.glb", blob(60, 4.0, 1))
-    np.save(folder / "posts.npy", trees)
+    np.save(folder / "posts.npy", np.column_stack([trees, np.zeros(len(trees))]))
     scene = folder / "scene.toml"
     scene.write_text(
         'crs = "EPSG:6677"\n[[source]]\npath = "town.geojson"\n'
@@ -219,3 +223,53 @@ def test_a_leaf_in_which_nothing_changed_is_not_drawn(tmp_path: Path, monkeypatc
     whole = whole_world(source, tmp_path / "whole", place)
     drop_garbage(DirectoryStore(place))
     assert contents(place) == contents(whole)
+
+
+@pytest.mark.parametrize("extension", [".geojson", ".gpkg"])
+def test_an_unknown_base_is_the_median_of_the_whole_file(tmp_path: Path, extension: str) -> None:
+    """Whichever part of the file a region makes read; the ground rises to the east."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+
+    def file(buildings: Sequence[Building]) -> None:
+        source = write(folder / "town.geojson", buildings)
+        collection = json.loads(source.read_text())
+        for feature in collection["features"]:
+            x, y = feature["geometry"]["coordinates"][0][0]
+            feature["properties"]["ground"] = None if (x + y) % 50 == 0 else 5 + x // 10
+        source.write_text(json.dumps(collection))
+        if extension != ".geojson":
+            as_format(source, extension)
+
+    scene = folder / "scene.toml"
+    scene.write_text(f'crs = "EPSG:6677"\n[[source]]\npath = "town{extension}"\nbase_attribute = "ground"\n')
+    # Nothing far from the region is read again.
+    far = [(x + 4000, y, height, f"far {name}") for x, y, height, name in BUILDINGS]
+    place = tmp_path / "world"
+    file([*BUILDINGS, *far])
+    bake_sources([scene], place, OPTIONS)
+    file([*[(*b[:2], b[2] + 9, b[3]) if 170 <= b[0] < 240 and 100 <= b[1] < 180 else b for b in BUILDINGS], *far])
+    assert update_place(place, [scene], workers=1, region=REGION)["cells_rebuilt"] > 0
+    whole = whole_world(scene, tmp_path / "whole", place)
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)
+
+
+def test_placements_are_to_the_bit_those_of_a_whole_bake(tmp_path: Path) -> None:
+    """Of the region alone another origin follows, so that they are moved on another way."""
+    posts = np.random.default_rng(1).uniform((-30, -90, 0), (59, 9, 0.1), (4000, 3))
+    scene = scene_toml(tmp_path, posts)
+    scene.write_text(scene.read_text().replace("at = [0, 0, 0]", "at = [3200.7, 7190.3, 0.1]"))
+    scene.write_text(scene.read_text().partition("[[ground]]")[0])
+    town = [(x + 3000, y + 7000, height, name) for x, y, height, name in BUILDINGS]
+    write(tmp_path / "town.geojson", [(-50_000, -70_000, 9, "far away"), *town])
+    whole = read_scene([scene])
+    assert not whole.warnings
+    part = read_scene([scene], ReadOptions(crs=whole.crs, region=(3170.0, 7100.0, 3260.0, 7200.0)))
+    assert part.origin != whole.origin
+    one, other = (
+        s.instances.transform[[not isinstance(s.meshes[k], FootprintChunk) for k in s.instances.mesh]]
+        for s in (whole, moved_to(part, whole.origin))
+    )
+    assert len(one) == len(posts)
+    assert np.array_equal(one, other)

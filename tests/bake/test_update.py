@@ -8,15 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from bake.scenes import contents
 from farfield.bake.options import BakeOptions
 from farfield.cli import main
 from farfield.pipeline import bake_sources, update_place
 from farfield.scene.procedural.objects import ObjectsOptions, make_objects
+from farfield.scene.read import read_scene
+from farfield.scene.stored.sources import print_of
 from farfield.store.directory import DirectoryStore
 from farfield.world.garbage import drop_garbage
 from farfield.world.manifest import read_manifest
+from scene.small_gltf import TRIANGLE, triangle_file
 
 OPTIONS = BakeOptions(leaf_size=16.0, resolution=32, directions="5", workers=1)
 
@@ -81,5 +85,27 @@ def test_a_changed_mesh_is_noticed(scene: Path, tmp_path: Path) -> None:
     whole = tmp_path / "whole"
     corner = read_manifest(DirectoryStore(place)).grid.corner
     bake_sources([scene], whole, replace(OPTIONS, corner=corner))
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)
+
+
+@pytest.mark.parametrize("extension", [".glb", ".gltf"])
+def test_a_changed_image_beside_a_gltf_is_noticed(tmp_path: Path, extension: str) -> None:
+    """And only then is the mesh read again."""
+    file = triangle_file(material=0)
+    file.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = file.accessor(TRIANGLE[:, :2])
+    file.json |= {"images": [{"uri": "bark.png"}], "textures": [{"source": 0}]}
+    file.material(pbrMetallicRoughness={"baseColorTexture": {"index": 0}}, doubleSided=True)
+    source, image = file.write(tmp_path / f"tree{extension}"), tmp_path / "bark.png"
+    Image.new("RGB", (4, 4), (200, 10, 10)).save(image)
+    place = tmp_path / "world"
+    bake_sources([source], place, OPTIONS)
+    (mesh,) = read_scene([source]).meshes
+    assert print_of(mesh) == print_of(mesh) is not None
+    assert update_place(place, [source], workers=1)["cells_rebuilt"] == 0
+    Image.new("RGB", (8, 8), (10, 10, 200)).save(image)
+    assert update_place(place, [source], workers=1)["cells_rebuilt"] > 0
+    whole = tmp_path / "whole"
+    bake_sources([source], whole, replace(OPTIONS, corner=read_manifest(DirectoryStore(place)).grid.corner))
     drop_garbage(DirectoryStore(place))
     assert contents(place) == contents(whole)

@@ -20,8 +20,8 @@ def forget(world: World, bad: Iterable[str]) -> None:
     """Makes the next bake of the same input write the values under these keys anew.
 
     Tiles and near geometry: the note about their cell goes. Meshes and images that leaves share: the value goes, and
-    the note about one leaf that needs it. Tables of attributes go, to be written by the next
-    bake of the sources as index tiles are. Raises StoreError.
+    the note about one leaf that needs it. Tables of attributes and parts of the scene go, to be
+    written by the next bake of the sources as index tiles are. Raises StoreError.
     """
     store = world.store
     shared: set[str] = set()
@@ -31,7 +31,7 @@ def forget(world: World, bad: Iterable[str]) -> None:
         elif key.startswith(("mesh/", "texture/")):
             shared.add(key)
             store.delete(key)
-        elif key.startswith("attributes/"):
+        elif key.startswith(("attributes/", "record/chunk/")):
             store.delete(key)
     if shared:
         _forget_users(world, shared)

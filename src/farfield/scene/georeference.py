@@ -6,13 +6,17 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from farfield.errors import InputError, MissingExtraError
-from farfield.scene.assembly import IDENTITY, join, place
+from farfield.scene.assembly import join
 from farfield.scene.model import Scene
 
 ORIGIN_STEP = 1024.0
 """Local origins are multiples of this, metres."""
+_FINEST = 2.0**-20
+"""Metres: placements with a CRS are rounded to multiples of this. Within 2^32 m no sum of such is rounded any more, so
+that a placement is the same whichever origins it was told from on the way: those depend on what else is read."""
 
 
 def local_origin(low: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -42,12 +46,15 @@ def to_common_frame(scenes: list[Scene], origin: tuple[float, float, float] | No
 
 
 def moved_to(scene: Scene, origin: tuple[float, float, float]) -> Scene:
-    """The same scene, told from another origin."""
-    if scene.origin == origin:
-        return scene
-    shift = IDENTITY.copy()
-    shift[:, 3] = np.subtract(scene.origin, origin)
-    return replace(place(scene, shift[None]), origin=origin)
+    """The same scene, told from another origin; its placements are rounded to 2^-20 m (1 µm)."""
+    transforms = scene.instances.transform.copy()
+    transforms[:, :, 3] = _rounded(transforms[:, :, 3]) + (_rounded(scene.origin) - _rounded(origin))
+    return replace(scene, instances=replace(scene.instances, transform=transforms), origin=origin)
+
+
+def _rounded(metres: ArrayLike) -> NDArray[np.float64]:
+    """To multiples of _FINEST, exactly."""
+    return np.asarray(np.round(np.asarray(metres, np.float64) / _FINEST) * _FINEST)
 
 
 def load_pyproj(where: str) -> Any:

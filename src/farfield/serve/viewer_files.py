@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from farfield.store import DirectoryStore, Store
+from farfield.store.once import put_once
 
 STATIC = Path(__file__).parent / "static"
 """Where the viewer's build puts its files; absent in a clone where it has not run."""
@@ -26,8 +27,5 @@ def install_viewer(world: Store) -> int:
     changed = 0
     # The page itself comes last: whoever loads it finds the files it names.
     for key in sorted(page.list(), key=lambda key: key == "index.html"):
-        data = page.get(key)
-        if not world.exists(key) or world.get(key) != data:
-            world.put(key, data)
-            changed += 1
+        changed += put_once(world, key, page.get(key))
     return changed

@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from farfield.errors import CorruptTileError
 from farfield.store.contract import Store
+from farfield.store.once import put_once
 from farfield.world.keys import attributes_key, content_hash
 from farfield.world.limits import DAMAGE, Count, Hash
 
@@ -58,16 +59,18 @@ def put_table(store: Store, columns: Mapping[str, Sequence[Any]]) -> str:
         return ""
     data = msgspec.json.encode({"columns": plain})
     name = content_hash(data)
-    if not store.exists(attributes_key(name)):
-        store.put(attributes_key(name), data)
+    put_once(store, attributes_key(name), data)
     return name
 
 
 def read_table(store: Store, name: str) -> dict[str, list[Any]]:
     """The columns of a table. Raises CorruptTileError and StoreError."""
     key = attributes_key(name)
+    data = store.get(key)
+    if content_hash(data) != name:
+        raise CorruptTileError("table of attributes is damaged: its hash is another", key)
     try:
-        return msgspec.json.decode(store.get(key), type=_Table).columns
+        return msgspec.json.decode(data, type=_Table).columns
     except DAMAGE as error:
         raise CorruptTileError(f"table of attributes is damaged: {error}", key) from None
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
-from farfield.errors import MissingKeyError
+from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.store.contract import Store
 from farfield.world.keys import chunk_key
 from farfield.world.limits import DAMAGE, Count, Hash
@@ -15,6 +17,8 @@ NOTES = ("record/split",)
 """Folders of such notes."""
 SCENE = "record/scene.json"
 """Keys of all that the scene of the world is made of, in a list."""
+
+_SceneKey = Annotated[str, Meta(pattern=r"^(attributes|record/chunk)/[0-9a-f]{16}\Z")]
 
 
 class ChunkNote(msgspec.Struct, frozen=True):
@@ -47,8 +51,16 @@ def put_scene_values(store: Store, keys: Iterable[str]) -> None:
 
 
 def scene_values(store: Store) -> list[str]:
-    """What was noted; nothing where that cannot be read."""
+    """What was noted; nothing where there is no note, or one that is damaged. Raises StoreError."""
     try:
-        return msgspec.json.decode(store.get(SCENE), type=list[str])
-    except (MissingKeyError, *DAMAGE):
+        return read_scene_values(store)
+    except (MissingKeyError, CorruptTileError):
         return []
+
+
+def read_scene_values(store: Store) -> list[str]:
+    """Keys of what was noted. Raises CorruptTileError and StoreError (MissingKeyError: there is no note)."""
+    try:
+        return msgspec.json.decode(store.get(SCENE), type=list[_SceneKey])
+    except DAMAGE as error:
+        raise CorruptTileError(f"note of what the scene is made of is damaged: {error}", SCENE) from None

@@ -1,4 +1,4 @@
-"""Checks every value of a world against the hash in its name, and the index against what is there."""
+"""Checks every value of a world and of its scene against the hash in its name, and the index against what is there."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.attributes import attribute_tables
+from farfield.world.chunks import SCENE, named_chunks, read_scene_values
 from farfield.world.index import CellEntry, GeometryEntry, decode_index
 from farfield.world.reach import first_index_tiles, object_keys, parted, textures_of, tile_keys
 from farfield.world.world import World
@@ -33,7 +34,7 @@ class Verification:
 
     cells: int
     tiles: int
-    """Values checked: orthoview layers, object ids, index tiles, geometry, meshes, textures, attributes."""
+    """Values checked: orthoview layers, object ids, index tiles, geometry, meshes, textures, attributes, the scene."""
     bytes: int
     """Of all of them."""
     faults: tuple[Fault, ...]
@@ -71,7 +72,10 @@ def verify_world(world: World, progress: Progress | None = None) -> Verification
         others = [keys.texture_key(name) for name in textures]
         if world.manifest.attributes:
             others += _attributes_of(store, world.manifest.attributes)
-        reports += pool.map(lambda key: _check_hashed(store, key), others)
+        scene_report, scene_values = _read_scene(store)
+        reports.append(scene_report)
+        others += scene_values
+        reports += pool.map(lambda key: _check_hashed(store, key), dict.fromkeys(others))
     progress.finish()
     faults = tuple(dict.fromkeys(fault for report in reports for fault in report.faults))
     return Verification(len(entries), sum(r.tiles for r in reports), sum(r.bytes for r in reports), faults)
@@ -84,6 +88,21 @@ def _attributes_of(store: Store, name: str) -> list[str]:
     except (CorruptTileError, StoreError):
         tables = []
     return [keys.attributes_key(name), *tables]
+
+
+def _read_scene(store: Store) -> tuple[_Report, list[str]]:
+    """The note of what the scene is made of, without which a world is whole, and keys of all that notes name."""
+    report, values = _Report(), list[str]()
+    try:
+        values = read_scene_values(store)
+    except MissingKeyError:
+        pass
+    except (CorruptTileError, StoreError) as error:
+        report = _Report(faults=(Fault(SCENE, error.what),))
+    try:
+        return report, sorted(named_chunks(store))
+    except StoreError:  # A web server does not list the other notes.
+        return report, values
 
 
 def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:

@@ -45,6 +45,12 @@ def read_ogr(
     return FeatureTable(wkb, {name: np.concatenate(columns.pop(name)) for name in list(columns)}, crs)
 
 
+def read_ogr_column(path: Path, layer: str | None, name: str) -> NDArray[Any]:
+    """(n,): one attribute of all features of a file, without their shapes. Raises InputError."""
+    _, _, _, (column,) = _raw(path, layer, columns=[name], read_geometry=False)
+    return plain(column)
+
+
 def _near(path: Path, layer: str | None, region: Region, region_crs: str | None) -> Iterator[FeatureTable]:
     about = _facts(path, layer)
     low = (region[0] - _REACH, region[1] - _REACH)
@@ -92,16 +98,20 @@ def _facts(path: Path, layer: str | None) -> dict[str, Any]:
 
 
 def _read(path: Path, layer: str | None, **which: Any) -> FeatureTable:
-    import pyogrio
-
-    try:
-        meta, _, raw, fields = pyogrio.raw.read(path, layer=layer, force_2d=True, **which)
-    except (RuntimeError, ValueError, IndexError) as error:
-        raise _unreadable(path, layer, error) from error
+    meta, _, raw, fields = _raw(path, layer, force_2d=True, **which)
     if raw is None:
         raise InputError("holds a table without shapes", str(path), "export the footprints with it")
     columns = {str(name): column for name, column in zip(meta["fields"], fields, strict=True)}
     return FeatureTable([raw], columns, meta["crs"])
+
+
+def _raw(path: Path, layer: str | None, **which: Any) -> Any:
+    import pyogrio
+
+    try:
+        return pyogrio.raw.read(path, layer=layer, **which)
+    except (RuntimeError, ValueError, IndexError) as error:
+        raise _unreadable(path, layer, error) from error
 
 
 def _unreadable(path: Path, layer: str | None, error: Exception) -> InputError:

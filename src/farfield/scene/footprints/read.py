@@ -15,7 +15,7 @@ from farfield.scene.faults import EXPORT_AGAIN, counted
 from farfield.scene.footprints import order
 from farfield.scene.footprints.features import Features, by_place, centres_of, chunk_at
 from farfield.scene.footprints.heights import heights_of, named_column, numbers
-from farfield.scene.footprints.ogr import read_ogr
+from farfield.scene.footprints.ogr import read_ogr, read_ogr_column
 from farfield.scene.footprints.order import split
 from farfield.scene.footprints.outlines import BATCH, Outlines, outlines_of
 from farfield.scene.footprints.parquet import read_parquet
@@ -43,7 +43,7 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
                         source_bytes=path.stat().st_size)  # fmt: skip
     crs, project = in_metres(table, options.crs, where, warnings)
     height = heights_of(table.columns, len(table), options.height_attribute, options.default_height, where)
-    base = _base(table, options.base_attribute, where, warnings)
+    base = _base(table, path, options, warnings)
     faults: Counter[str] = Counter()
     outlines = outlines_of(table, project, batch, faults)
     warnings += reports(faults, where)
@@ -75,19 +75,30 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
 
 
 def _table(path: Path, options: ReadOptions) -> FeatureTable:
-    if path.suffix.lower() in (".parquet", ".geoparquet"):
+    if _is_parquet(path):  # Whole, whatever the region.
         return read_parquet(path)
     return read_ogr(path, options.layer, options.region, options.crs)
 
 
-def _base(table: FeatureTable, named: str | None, where: str, warnings: list[str]) -> NDArray[np.float64]:
-    """(n,) altitude of the ground; 0 where it is unknown."""
+def _is_parquet(path: Path) -> bool:
+    return path.suffix.lower() in (".parquet", ".geoparquet")
+
+
+def _base(table: FeatureTable, path: Path, options: ReadOptions, warnings: list[str]) -> NDArray[np.float64]:
+    """(n,) altitude of the ground; where it is unknown the median of the whole file, 0 where that is."""
+    named, where = options.base_attribute, str(path)
     if named is None:
         return np.zeros(len(table))
     base = numbers(table.columns[named_column(table.columns, named, where)])
-    if unknown := int(np.isnan(base).sum()):
-        warnings.append(f"{where}: {counted(unknown, 'footprint')} without {named} stand on the median of the others")
-    return np.where(np.isnan(base), np.nanmedian(base) if unknown < len(base) else 0.0, base)
+    unknown = np.isnan(base)
+    if not unknown.any():
+        return base
+    warnings.append(
+        f"{where}: {counted(int(unknown.sum()), 'footprint')} without {named} stand on the median of the others"
+    )
+    part = options.region is not None and not _is_parquet(path)
+    every = numbers(read_ogr_column(path, options.layer, named)) if part else base
+    return np.where(unknown, 0.0 if np.isnan(every).all() else np.nanmedian(every), base)
 
 
 def _features(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import struct
 from functools import lru_cache
 from mmap import ACCESS_READ, MADV_DONTNEED, mmap
@@ -48,6 +49,9 @@ class Document:
         self._buffers: dict[int, NDArray[np.uint8]] = {}
         self._maps: list[mmap] = []
         _refuse_unsupported(self.json, self.where)
+        self._beside = self._names_beside()
+        self.states = self.states_now()
+        """As they were when the file was opened."""
 
     def items(self, kind: str) -> list[dict[str, Any]]:
         """The top-level array of that name, empty when absent."""
@@ -103,9 +107,15 @@ class Document:
 
     def files(self) -> tuple[Path, ...]:
         """The file, and the buffers and images beside it that are there."""
+        return (self.path, *(file for name in self._beside if (file := self.path.parent / name).is_file()))
+
+    def states_now(self) -> tuple[tuple[int, int], ...]:
+        """Bytes and time of change (nanoseconds) of each buffer and image beside it; -1, -1 for one that is missing."""
+        return tuple(_state(os.path.join(self.path.parent, name)) for name in self._beside)
+
+    def _names_beside(self) -> tuple[str, ...]:
         uris = {entry.get("uri", "data:") for kind in ("buffers", "images") for entry in self.items(kind)}
-        names = sorted(unquote(uri) for uri in uris if not uri.startswith("data:") and "://" not in uri)
-        return (self.path, *(file for name in names if (file := self.path.parent / name).is_file()))
+        return tuple(sorted(unquote(uri) for uri in uris if not uri.startswith("data:") and "://" not in uri))
 
     def release(self) -> None:
         """Lets the system have back the memory of what was read: of a file that is read through, all would stay."""
@@ -114,15 +124,27 @@ class Document:
 
 
 def open_document(path: Path) -> Document:
-    """The document of a file, kept while the file does not change. Raises InputError."""
+    """The document of a file, kept while neither it nor what lies beside it changes. Raises InputError."""
     with reading(str(path)):
         stat = path.stat()
-    return _open(path, stat.st_mtime_ns, stat.st_size)
+        document = _open(path, stat.st_mtime_ns, stat.st_size)
+        if document.states == document.states_now():
+            return document
+        _open.cache_clear()
+        return _open(path, stat.st_mtime_ns, stat.st_size)
 
 
 @lru_cache(maxsize=4)
 def _open(path: Path, modified: int, size: int) -> Document:
     return Document(path)
+
+
+def _state(path: str) -> tuple[int, int]:
+    try:
+        facts = os.stat(path)
+    except (OSError, ValueError):
+        return -1, -1
+    return facts.st_size, facts.st_mtime_ns
 
 
 def _header(path: Path) -> tuple[dict[str, Any], tuple[int, int]]:

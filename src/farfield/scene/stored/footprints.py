@@ -15,6 +15,7 @@ from farfield.scene.footprints.rings import Rings
 from farfield.scene.model import Mesh
 from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chunk
 from farfield.store.contract import Store
+from farfield.store.once import put_once
 from farfield.world.keys import chunk_key, content_hash
 
 KIND = "footprints"
@@ -41,8 +42,7 @@ class StoredFootprints:
         """Stores the footprints, unless they are there."""
         data = encode_features(chunk.features)
         name = content_hash(data)
-        if not store.exists(chunk_key(name)):
-            store.put(chunk_key(name), data)
+        put_once(store, chunk_key(name), data)
         square = chunk.square
         return cls(store, name, chunk.family, square.level, square.prefix, len(chunk.features), chunk.facades)
 

@@ -23,6 +23,7 @@ from farfield.scene.stored.piece import FURTHEST, encode_piece, encode_texture
 from farfield.scene.stored.rings import rings
 from farfield.scene.streams import MeshStream, SurfaceStream, gather
 from farfield.store.contract import Store
+from farfield.store.once import put_once
 from farfield.world.keys import chunk_key, content_hash
 
 PIECE_TRIANGLES = 1 << 19
@@ -98,8 +99,7 @@ def _extent(surface: SurfaceStream, where: str) -> Extent:
 
 def _put(store: Store, data: bytes) -> tuple[str, int]:
     name = content_hash(data)
-    if not holds(store, name, len(data)):
-        store.put(chunk_key(name), data)
+    put_once(store, chunk_key(name), data)
     return name, len(data)
 
 

@@ -9,7 +9,9 @@ from typing import Annotated, Any
 import msgspec
 from msgspec import Meta
 
+from farfield.errors import InputError
 from farfield.scene.footprints.order import LEVELS
+from farfield.scene.gltf.container import open_document
 from farfield.scene.gltf.read import GltfMesh
 from farfield.scene.model import MeshSource
 from farfield.scene.procedural.ground import GroundPlane
@@ -20,6 +22,7 @@ from farfield.scene.surfaces.ply import open_ply, parse_ply
 from farfield.scene.surfaces.source import FileMesh
 from farfield.scene.surfaces.stl import open_stl, parse_stl
 from farfield.store.contract import Store
+from farfield.world.keys import content_hash
 from farfield.world.limits import Count, Hash
 
 _FORMATS = {"obj": (parse_obj, None), "ply": (parse_ply, open_ply), "stl": (parse_stl, open_stl)}
@@ -96,9 +99,8 @@ def source_of(words: Words, store: Store) -> MeshSource:
 
 
 def print_of(source: MeshSource) -> list[int] | None:
-    """What changes with a source's file: bytes and time of change; [] for what cannot change; None: cannot be told.
-
-    A .gltf has its buffers in other files.
+    """What changes with a source's files: bytes and time of change, for a glTF with buffers or images beside it a hash
+    of theirs as well; [] for what cannot change; None: cannot be told.
     """
     path = getattr(source, "path", None)
     if path is None:
@@ -107,7 +109,17 @@ def print_of(source: MeshSource) -> list[int] | None:
         facts = path.stat()
     except OSError:
         return None
-    return None if path.suffix.lower() in (".gltf", ".obj") else [facts.st_size, facts.st_mtime_ns]
+    if path.suffix.lower() == ".obj":  # Its materials and images are in other files.
+        return None
+    own = [facts.st_size, facts.st_mtime_ns]
+    if not isinstance(source, GltfMesh):
+        return own
+    try:
+        beside = open_document(path).states
+    except InputError:
+        return None
+    # 60 bits, a number that JSON can say everywhere in 64.
+    return [*own, int(content_hash(msgspec.json.encode(beside))[:15], 16)] if beside else own
 
 
 def _absolute(path: Path) -> str:
