@@ -108,7 +108,7 @@ def update_place(
     )
     with store.writing():
         if region is None:
-            scene = _in_frame(read_scene(sources), manifest, store.location)
+            scene = _in_frame(read_scene(sources, ReadOptions(origin=_origin(manifest))), manifest, store.location)
             _remember(store, sources, options)
         else:
             same = _paths(sources) == order.sources
@@ -137,7 +137,7 @@ def _changed(
                          "update it once from everything, without --region")  # fmt: skip
     fresh = None
     if sources:
-        scene = read_scene(sources, ReadOptions(crs=manifest.crs, region=region))
+        scene = read_scene(sources, ReadOptions(crs=manifest.crs, region=region, origin=_origin(manifest)))
         fresh = split_large(_in_frame(scene, manifest, store.location), store, progress)
     scene = with_region(stored, fresh, region, store, progress)
     if fresh is None or not same:
@@ -145,8 +145,13 @@ def _changed(
     return replace(scene, name=fresh.name, credits=fresh.credits, source_bytes=fresh.source_bytes)
 
 
+def _origin(manifest: Manifest) -> tuple[float, float, float] | None:
+    """The world's local zero: what has no coordinates of its own stays where it is, whatever else is read beside it."""
+    return manifest.origin if manifest.crs is not None else None
+
+
 def _in_frame(scene: Scene, manifest: Manifest, where: str) -> Scene:
-    """The scene with the world's local zero, which follows from its extent where it has a CRS."""
+    """The scene with the world's local zero."""
     if scene.crs != manifest.crs:
         raise WorldError(f"the source has CRS {scene.crs}, the world {manifest.crs}", where, "bake it anew")
     return scene if scene.origin == manifest.origin else moved_to(scene, manifest.origin)

@@ -273,3 +273,25 @@ def test_placements_are_to_the_bit_those_of_a_whole_bake(tmp_path: Path) -> None
     )
     assert len(one) == len(posts)
     assert np.array_equal(one, other)
+
+
+def test_what_has_no_coordinates_stays_where_the_world_has_it(tmp_path: Path) -> None:
+    """The local zero follows from the extent of what is read, which a region makes smaller."""
+    folder = tmp_path / "scene"
+    scene = scene_toml(folder, np.array([[3200.0, 7130.0, 0.0]]))
+    scene.write_text(scene.read_text().replace("at = [0, 0, 0]\n", "").partition("[[ground]]")[0])
+    town = [(x + 3000, y + 7000, height, name) for x, y, height, name in BUILDINGS]
+    write(folder / "town.geojson", [(0, 0, 9, "far away"), *town])
+    place = tmp_path / "world"
+    bake_sources([scene], place, OPTIONS)
+    grown = [(x, y, height + 5 * (name == "no. 5-4"), name) for x, y, height, name in town]
+    write(folder / "town.geojson", [(0, 0, 9, "far away"), *grown])
+    region = (3170.0, 7100.0, 3260.0, 7200.0)
+    assert (
+        read_scene([scene], ReadOptions(crs="EPSG:6677", region=region)).origin
+        != read_manifest(DirectoryStore(place)).origin
+    )
+    assert update_place(place, [scene], workers=1, region=region)["cells_rebuilt"] > 0
+    whole = whole_world(scene, tmp_path / "whole", place)
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)

@@ -88,7 +88,7 @@ def read_composition(path: Path, options: ReadOptions) -> Scene:
     scenes += [_ground(entry, table, path) for entry in table.ground]
     if not scenes:
         raise InputError("names no source", str(path), "add a [[source]] with a path")
-    scene = to_common_frame(scenes, table.origin)
+    scene = to_common_frame(scenes, table.origin or options.origin)
     size = scene.source_bytes + path.stat().st_size
     warnings = tuple(f"left out: {error}" for error in failures) + scene.warnings
     lines = tuple(dict.fromkeys(table.credits + scene.credits))

@@ -41,5 +41,7 @@ class ReadOptions:
     """Footprints: a file is split by place into meshes of at most about this many; None: the usual number."""
     crs: str | None = None
     """Footprints in another coordinate reference system are brought to this one; None: they keep theirs."""
+    origin: tuple[float, float, float] | None = None
+    """Local zero of sources with a CRS, where no scene.toml tells one; None: it follows from what is read."""
     inside: tuple[Path, ...] = ()
     """The scene.toml files that led here, outermost first."""

@@ -38,7 +38,7 @@ def read_scene(sources: Sequence[Path | str], options: ReadOptions | None = None
     if not found:
         raise failures[0] if len(failures) == 1 else _none_readable(failures)
     name = found[0].name or _name_of(Path(sources[0]))
-    scene = gather(found)
+    scene = gather(found, options.origin if options else None)
     return replace(scene, name=name, warnings=tuple(f"left out: {error}" for error in failures) + scene.warnings)
 
 
@@ -76,12 +76,12 @@ def _none_readable(failures: list[InputError]) -> InputError:
     return InputError(f"{first.what}; and {len(failures) - 1} more sources cannot be read", first.where, first.hint)
 
 
-def gather(scenes: list[Scene]) -> Scene:
-    """Scenes joined in the frame of the first that has a CRS."""
+def gather(scenes: list[Scene], origin: tuple[float, float, float] | None = None) -> Scene:
+    """Scenes joined in the frame of the first that has a CRS, with the local zero of `ReadOptions`."""
     from farfield.scene.georeference import to_common_frame
     from farfield.scene.placements import without_absurd
 
-    return without_absurd(to_common_frame(scenes))
+    return without_absurd(to_common_frame(scenes, origin))
 
 
 def _gltf(path: Path, options: ReadOptions) -> Scene:
