@@ -25,12 +25,12 @@ from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions, Region
 from farfield.scene.read import read_scene
 from farfield.scene.stored.scene import KEY as SCENE_KEY
-from farfield.scene.stored.scene import read_scene_of
+from farfield.scene.stored.scene import StoredScene, read_scene_of
 from farfield.serve.viewer_files import install_viewer
 from farfield.store import Store
 from farfield.store.archive.writer import writing_archive
 from farfield.store.opening import Place, is_archive, is_url, open_store
-from farfield.world.chunks import named_chunks
+from farfield.world.chunks import SCENE, named_chunks
 from farfield.world.copying import Copied, copy_world
 from farfield.world.manifest import Manifest, read_manifest
 from farfield.world.split import open_world, refuse_split
@@ -108,7 +108,7 @@ def update_place(
     )
     with store.writing():
         if region is None:
-            scene = _in_frame(read_scene(sources, ReadOptions(origin=_origin(manifest))), manifest, store.location)
+            scene = _read_again(sources, store)
             _remember(store, sources, options)
         else:
             same = _paths(sources) == order.sources
@@ -131,10 +131,7 @@ def _changed(
     store: Store, manifest: Manifest, sources: Sequence[Path], region: Region, same: bool, progress: Progress
 ) -> Scene:
     """The world's scene with a region replaced; same: by what it was baked from, as that is now."""
-    stored = read_scene_of(store, BAKE_VERSION)
-    if stored is None:
-        raise WorldError("the world does not tell its scene: another version or a script baked it", store.location,
-                         "update it once from everything, without --region")  # fmt: skip
+    stored = _kept_scene(store)
     fresh = None
     if sources:
         scene = read_scene(sources, ReadOptions(crs=manifest.crs, region=region, origin=_origin(manifest)))
@@ -143,6 +140,21 @@ def _changed(
     if fresh is None or not same:
         return scene
     return replace(scene, name=fresh.name, credits=fresh.credits, source_bytes=fresh.source_bytes)
+
+
+def _kept_scene(store: Store) -> StoredScene:
+    """The scene that the world keeps. Raises WorldError when it does not, and CorruptTileError."""
+    stored = read_scene_of(store, BAKE_VERSION)
+    if stored is None:
+        raise WorldError("the world does not tell its scene: another version or a script baked it", store.location,
+                         "update it once from everything, without --region")  # fmt: skip
+    return stored
+
+
+def _read_again(sources: Sequence[Path], store: Store) -> Scene:
+    """Everything that the sources of a world hold now, in its frame."""
+    manifest = read_manifest(store)
+    return _in_frame(read_scene(sources, ReadOptions(origin=_origin(manifest))), manifest, store.location)
 
 
 def _origin(manifest: Manifest) -> tuple[float, float, float] | None:
@@ -197,22 +209,21 @@ def verify_place(place: Place, repair: bool = False, progress: Progress | None =
         if not found.faults:
             break
         order = _order_of(store)
-        stored = read_scene_of(store, BAKE_VERSION) if order.changed else None
+        stored = _kept_scene(store) if order.changed else None
         sources = [] if stored else _sources_of(order)
         origin = "the scene that it keeps" if stored else ", ".join(order.sources)
         progress.note(f"{len(found.faults):,} bad; baking them again from {origin}")
         refuse_split(store)
         with store.writing():
             bad = {fault.key for fault in found.faults}
-            lost = bad & named_chunks(store) if stored else None
+            lost = bad & named_chunks(store) if stored and SCENE not in bad else None
             forget(World.open(store), bad)
             if lost:
                 raise WorldError("a part of the scene that the world keeps is damaged", min(lost),
                                  "update it once from everything, without --region")  # fmt: skip
-            if stored:
-                bake_held(stored.scene, store, order.options, progress)
-        if not stored:
-            bake_sources(sources, place, order.options, progress)
+            scene = stored.scene if stored else _read_again(sources, store)
+            bake_held(scene, store, order.options, progress)
+            install_viewer(store)
         found = _verified(store, progress)
     return found
 

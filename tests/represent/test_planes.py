@@ -144,3 +144,18 @@ def test_altered_planes_are_refused_or_give_other_symbols(seed: int, count: int,
         reader.finish()
     except CorruptTileError:
         pass
+
+
+def test_tables_and_stream_are_the_same_on_every_machine() -> None:
+    """Other bytes are another version of the bake (BAKE_VERSION)."""
+    counts = np.array([[0, 0, 0], [900, 90, 9], [700, 80, 10], [5, 5, 5], [0, 0, 0]], np.int64)
+    table, codes = rans.tables_of(counts)
+    assert table.tolist() == [0, 0, 0, 1, 1]
+    assert codes.tolist() == [[48, 35, 23], [43, 43, 43]]
+    starts, widths = np.empty((2, *codes.shape), np.uint16)
+    rans.spread(codes, rans.WEIGHTS, starts, widths)
+    assert widths.tolist() == [[915, 97, 12], [342, 341, 341]]
+    contexts_ = np.array([1, 2, 3, rans.BITS + 5, 1, 3], np.uint16)
+    out = np.empty(4 + 2 * len(contexts_), np.uint8)
+    begin = rans.encode(contexts_, np.array([0, 1, 2, 19, 0, 1], np.uint8), table, starts, widths, out)
+    assert out[begin:].tobytes().hex() == "5d27eb0e"

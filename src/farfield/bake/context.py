@@ -22,7 +22,6 @@ from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
 from farfield.scene.stored.scene import MeshSummary
 from farfield.store.contract import Store
-from farfield.store.once import put_once
 from farfield.world.keys import content_hash, mesh_key, texture_key
 
 _TABLES_KEPT = 8
@@ -106,7 +105,7 @@ class BakeContext:
         if id(texture) not in self._textures:
             data = encode_texture(texture)
             name = content_hash(data)
-            put_once(self.store, texture_key(name), data)
+            self._put_once(texture_key(name), data)
             # The texture is kept with its hash: its id must not be given to another while the entry stands.
             self._textures[id(texture)] = (texture, name)
         return self._textures[id(texture)][1]
@@ -131,6 +130,11 @@ class BakeContext:
             loaded = self.meshes.get(mesh)
             data = mesh_glb(Chunk.whole(loaded.blocks), loaded.materials, self.texture_hash)
             name = content_hash(data)
-            put_once(self.store, mesh_key(name), data)
+            self._put_once(mesh_key(name), data)
             self._mesh_files[mesh] = name, len(data)
         return self._mesh_files[mesh]
+
+    def _put_once(self, key: str, data: bytes) -> None:
+        """Unless it is there; it is not read, for every worker asks, and `verify --repair` deletes what is damaged."""
+        if not self.store.exists(key):
+            self.store.put(key, data)

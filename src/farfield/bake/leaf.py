@@ -13,7 +13,7 @@ from farfield.bake.index import close_index_tile
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
-from farfield.represent.chunk import Chunk, merge, ordered
+from farfield.represent.chunk import Chunk, fingerprint, merge, ordered
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
@@ -62,14 +62,9 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
 
 
 def _drawn_hash(context: BakeContext, chunk: Chunk, materials: LeafMaterials) -> str:
-    """Over the triangles in their order, corner by corner: vertices may be numbered otherwise or held twice."""
-    corners = chunk.triangles.ravel()
-    vertices = [array[corners].tobytes() for array in (chunk.positions, chunk.normals, chunk.uvs, chunk.colors)
-                if len(array)]  # fmt: skip
+    """Over all that the pictures of the leaf show."""
     looks = b"".join(context.material_hash(material) for material in materials.materials)
-    return content_hash(
-        context.job.signature.encode(), looks, *vertices, chunk.materials.tobytes(), chunk.objects.tobytes()
-    )
+    return content_hash(context.job.signature.encode(), looks, fingerprint(chunk))
 
 
 def is_finished(context: BakeContext, key: CellKey) -> bool:

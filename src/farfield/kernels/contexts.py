@@ -368,9 +368,13 @@ def object_symbols(places, ids, contexts, symbols):  # type: ignore[no-untyped-d
     return n
 
 
-@kernel(types.void(_BYTES, _OF, _SLOTS, _CURSOR, _PLACES, types.uint32[::1]))
+@kernel(types.int64(_BYTES, _OF, _SLOTS, _CURSOR, _PLACES, types.uint32[::1]))
 def read_objects(stream, table, slots, cursor, places, ids):  # type: ignore[no-untyped-def]
-    """Reads what object_symbols lists. ids: (valid,) uint32, written."""
+    """Reads what object_symbols lists; returns how often a neighbour is named that is not there.
+
+    ids: (valid,) uint32, written.
+    """
+    missing = 0
     state = cursor[0]
     at = cursor[1]
     last = types.int64(0)
@@ -379,7 +383,7 @@ def read_objects(stream, table, slots, cursor, places, ids):  # type: ignore[no-
         side, state, at = pull(state, at, stream, slots, row)
         if side < 4:
             other = places[k, side]
-            # A damaged stream may name a neighbour that is not there.
+            missing += other < 0
             ids[k] = ids[other] if other >= 0 else types.uint32(0)
             continue
         length, state, at = pull(state, at, stream, slots, table[OBJECT_CONTEXTS])
@@ -394,3 +398,4 @@ def read_objects(stream, table, slots, cursor, places, ids):  # type: ignore[no-
         ids[k] = last
     cursor[0] = state
     cursor[1] = at
+    return missing

@@ -20,7 +20,7 @@ ONE = 1 << PRECISION
 LOWEST = 1 << 16
 """The state is at least this; also where it begins."""
 LARGEST_CODE = 49
-"""Frequency codes: 0 = never, k = a weight of about 2 ** (k / 4)."""
+"""Frequency codes: 0 = never, k = a weight of about 16 * 2 ** ((k - 1) / 4)."""
 BITS = 65528
 """Contexts from here on have 2 ** (context - BITS) equally likely symbols: plain bits, up to 7 of them."""
 _SYMBOL_COST, _TABLE_COST = 5 << 16, 4 << 16
@@ -96,12 +96,13 @@ def _share(counts, logs, bits, table):  # type: ignore[no-untyped-def]
         total = types.int64(0)
         for s in range(counts.shape[1]):
             total += counts[row, s]
-        if total > 0 or n == 0:  # Contexts that never come go with the one before.
+        if total > 0:
             for s in range(counts.shape[1]):
                 counts[n, s] = counts[row, s]
             own[n] = _cost(counts, n, -1, logs)
             n += 1
-        table[row] = n - 1
+        table[row] = max(n - 1, 0)  # Contexts that never come go with the one before, the first with what follows.
+    n = max(n, 1)
     for k in range(n - 1):
         joined[k] = _cost(counts, k, k + 1, logs)
     while n > 1:
@@ -240,7 +241,7 @@ def pull(state, at, stream, slots, row):  # type: ignore[no-untyped-def]
 
 @device
 def pull_bits(state, at, stream, bits):  # type: ignore[no-untyped-def]
-    """The next plain bits, at most 12; they, state and place after them."""
+    """The next plain bits, at most 7; they, state and place after them."""
     rest = PRECISION - bits
     slot = state & (ONE - 1)
     state = ((state >> PRECISION) << rest) + (slot & ((types.int64(1) << rest) - 1))

@@ -12,10 +12,8 @@ _PLACES = types.Array(types.int32, 2, "C", readonly=True)
 _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 _IMAGE = types.uint8[:, ::1]
 
-WEST, NORTH, NORTH_WEST, NORTH_EAST = 0, 1, 2, 3
-"""Columns of the table."""
 FAR = 32
-"""Depth steps (4 pitches) beyond which a neighbour is not of the same surface."""
+"""Depth steps, 4 pitches: neighbours farther apart are taken for different surfaces."""
 
 
 @kernel(types.int64(_MASK, types.int32[:, ::1]))
@@ -52,8 +50,8 @@ def count_near(depth, places, beside, around):  # type: ignore[no-untyped-def]
     """How many of the four and of the eight neighbours of each pixel hide nothing behind it and lie near it.
 
     depth: (valid,) uint16, all at least 1. places: of list_neighbours. beside: (valid,) uint8, all 0, written: of the
-    four, those at most FAR steps farther away (nearer ones count). around: the same of the eight, at most FAR steps
-    nearer or farther.
+    four, those at most FAR steps farther away (nearer ones count). around: the same of the eight, less than FAR
+    steps nearer or farther.
     """
     for k in range(len(depth)):
         here = types.int32(depth[k])

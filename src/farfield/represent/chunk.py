@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.geometry.morton import codes_along
+from farfield.kernels import order as kernels
 from farfield.kernels.surface import Surface
 
 if TYPE_CHECKING:
@@ -72,16 +72,34 @@ def ordered(chunk: Chunk) -> Chunk:
     """The same triangles along a space-filling curve, in an order that they alone decide.
 
     Two facets that meet in a silhouette are equally deep along it, and the earlier is seen: in this order the pictures
-    of a mesh and of its pieces are the same to the bit. 8 ms for 20,000 triangles, beside 320 of drawing them.
+    of a mesh and of its pieces are the same to the bit.
     """
-    corners = chunk.positions[chunk.triangles]
-    middles = corners[:, 0].astype(np.float64) + corners[:, 1] + corners[:, 2]
-    # Triangles in one step of the curve: by whatever tells them apart.
-    bits = (corners.reshape(-1, 9).view(np.uint32) * _POWERS).sum(1, dtype=np.uint64)
-    order = np.lexsort((bits, codes_along(middles)))
+    codes = np.empty(len(chunk.triangles), np.uint64)
+    kernels.curve_codes(chunk.positions, chunk.triangles, codes)
+    order = np.argsort(codes)
+    codes = codes[order]
+    same = codes[1:] == codes[:-1]
+    if same.any():
+        # In one step of the curve: by whatever tells them apart. Few are: all that are go to their places at once.
+        tied = np.flatnonzero(np.append(False, same) | np.append(same, False))
+        rows = np.sort(order[tied])
+        corners = chunk.positions[chunk.triangles[rows]].reshape(-1, 9)
+        bits = (corners.view(np.uint32) * _POWERS).sum(1, dtype=np.uint64)
+        own = np.empty(len(chunk.triangles), np.uint64)
+        own[order] = codes
+        order[tied] = rows[np.lexsort((bits, own[rows]))]
     return replace(
         chunk, triangles=chunk.triangles[order], materials=chunk.materials[order], objects=chunk.objects[order]
     )
+
+
+def fingerprint(chunk: Chunk) -> bytes:
+    """16 bytes that tell what is drawn of the triangles, in their order, from anything else (kernels.order)."""
+    marks = np.zeros(2, np.uint64)
+    corners = chunk.positions.view(np.uint32), chunk.normals.view(np.uint32), chunk.uvs.view(np.uint32)
+    colors = chunk.colors.view(np.uint32)
+    kernels.fingerprint(*corners, colors, chunk.triangles, chunk.materials, chunk.objects, marks)
+    return marks.tobytes()
 
 
 def merge(chunks: Sequence[Chunk]) -> Chunk:

@@ -75,7 +75,8 @@ def read_composition(path: Path, options: ReadOptions) -> Scene:
     if path in options.inside:
         raise InputError("includes itself", str(path), "take it out of its own sources")
     table = parse_composition(path)
-    options = replace(options, inside=(*options.inside, path), crs=table.crs or options.crs)
+    origin = table.origin or options.origin
+    options = replace(options, inside=(*options.inside, path), crs=table.crs or options.crs, origin=None)
     scenes: list[Scene] = []
     failures: list[InputError] = []
     for entry in table.source:
@@ -88,7 +89,7 @@ def read_composition(path: Path, options: ReadOptions) -> Scene:
     scenes += [_ground(entry, table, path) for entry in table.ground]
     if not scenes:
         raise InputError("names no source", str(path), "add a [[source]] with a path")
-    scene = to_common_frame(scenes, table.origin or options.origin)
+    scene = to_common_frame(scenes, origin)
     size = scene.source_bytes + path.stat().st_size
     warnings = tuple(f"left out: {error}" for error in failures) + scene.warnings
     lines = tuple(dict.fromkeys(table.credits + scene.credits))

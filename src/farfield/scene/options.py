@@ -42,6 +42,7 @@ class ReadOptions:
     crs: str | None = None
     """Footprints in another coordinate reference system are brought to this one; None: they keep theirs."""
     origin: tuple[float, float, float] | None = None
-    """Local zero of sources with a CRS, where no scene.toml tells one; None: it follows from what is read."""
+    """Local zero of everything with a CRS, unless the only source is a scene.toml that tells one; None: it follows
+    from what is read."""
     inside: tuple[Path, ...] = ()
     """The scene.toml files that led here, outermost first."""

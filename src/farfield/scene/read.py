@@ -28,17 +28,20 @@ def read_scene(sources: Sequence[Path | str], options: ReadOptions | None = None
     """
     if not sources:
         raise OptionError("no source is given", hint="name a file or a folder that holds a scene.toml")
+    options = options or ReadOptions()
+    # Of several sources each has a local zero of its own, before they are brought together.
+    each = options if len(sources) == 1 else replace(options, origin=None)
     found: list[Scene] = []
     failures: list[InputError] = []
     for source in sources:
         try:
-            found.append(read_source(Path(source), options or ReadOptions()))
+            found.append(read_source(Path(source), each))
         except InputError as error:
             failures.append(error)
     if not found:
         raise failures[0] if len(failures) == 1 else _none_readable(failures)
     name = found[0].name or _name_of(Path(sources[0]))
-    scene = gather(found, options.origin if options else None)
+    scene = gather(found, options.origin)
     return replace(scene, name=name, warnings=tuple(f"left out: {error}" for error in failures) + scene.warnings)
 
 

@@ -29,8 +29,14 @@ class ChunkNote(msgspec.Struct, frozen=True):
 
 
 def named_chunks(store: Store) -> set[str]:
-    """Keys of all chunks that a note names; a note that cannot be read names none, for nobody else can read it."""
-    named = set(scene_values(store))
+    """Keys of all chunks that a note names; a note of pieces that cannot be read names none: they are made anew.
+
+    Raises CorruptTileError: what the scene is made of cannot be told.
+    """
+    try:
+        named = set(read_scene_values(store))
+    except MissingKeyError:
+        named = set()
     for folder in NOTES:
         for key in store.list(folder):
             try:

@@ -92,17 +92,16 @@ def _attributes_of(store: Store, name: str) -> list[str]:
 
 def _read_scene(store: Store) -> tuple[_Report, list[str]]:
     """The note of what the scene is made of, without which a world is whole, and keys of all that notes name."""
-    report, values = _Report(), list[str]()
     try:
         values = read_scene_values(store)
     except MissingKeyError:
-        pass
+        values = []
     except (CorruptTileError, StoreError) as error:
-        report = _Report(faults=(Fault(SCENE, error.what),))
+        return _Report(faults=(Fault(SCENE, error.what),)), []
     try:
-        return report, sorted(named_chunks(store))
+        return _Report(), sorted(named_chunks(store))
     except StoreError:  # A web server does not list the other notes.
-        return report, values
+        return _Report(), values
 
 
 def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:

@@ -84,8 +84,10 @@ def read_objects(plane: bytes, places: Places, where: str) -> NDArray[np.uint32]
     """(valid,) object ids. Raises CorruptTileError for anything but what object_plane writes."""
     reader = Reader(_OBJECTS, plane, "objects", where)
     ids = np.empty(len(places), np.uint32)
-    contexts.read_objects(*reader.arguments, places, ids)
+    missing = contexts.read_objects(*reader.arguments, places, ids)
     reader.finish()
+    if missing:
+        raise CorruptTileError("objects plane names neighbours that are not there", where)
     return ids
 
 

@@ -39,7 +39,7 @@ class StoredFootprints:
 
     @classmethod
     def of(cls, chunk: FootprintChunk, store: Store) -> StoredFootprints:
-        """Stores the footprints, unless they are there."""
+        """Stores the footprints, unless they are there whole."""
         data = encode_features(chunk.features)
         name = content_hash(data)
         put_once(store, chunk_key(name), data)

@@ -43,7 +43,7 @@ class Pieces:
 def write_pieces(
     stream: MeshStream, store: Store, where: str, progress: Progress, most: int = PIECE_TRIANGLES
 ) -> Pieces:
-    """Sorts the triangles of a mesh into pieces and puts each into the store; what is there already stays.
+    """Sorts the triangles of a mesh into pieces and puts each into the store; what is there whole stays.
 
     The pieces together have the triangles, normals, texture coordinates and colours that the mesh has when it is loaded
     whole, to the bit. They depend on the content of the file and `most` alone, and a change in one place of it changes
