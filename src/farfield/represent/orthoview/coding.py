@@ -36,7 +36,7 @@ def coded(models: Sequence[Model], contexts: NDArray[np.uint16], symbols: NDArra
         table[first:last] = own + rows
         codes.append(found)
         first, rows = last, rows + len(found)
-    told = _told(models, table, codes)
+    told = _told(table, codes)
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     packed = packer.compress(told) + packer.flush()
     starts, widths = _spread(codes)
@@ -45,7 +45,7 @@ def coded(models: Sequence[Model], contexts: NDArray[np.uint16], symbols: NDArra
     return _SIZES.pack(len(packed), len(told)) + packed + stream[begin:].tobytes()
 
 
-def _told(models: Sequence[Model], table: NDArray[np.int32], codes: Sequence[NDArray[np.uint8]]) -> bytes:
+def _told(table: NDArray[np.int32], codes: Sequence[NDArray[np.uint8]]) -> bytes:
     """Which contexts take another table than the one before, a bit each, and the codes of all tables."""
     other = np.ones(len(table), bool)
     other[1:] = table[1:] != table[:-1]
