@@ -156,6 +156,12 @@ def corrupt(tile: bytes) -> dict[str, bytes]:
     _, planes = container.unpack(tile, MAGIC, "")
     normals = planes[NORMAL].stored
     packed = 4 + int.from_bytes(normals[:2], "little")
+    told = zlib.decompress(normals[4:packed], -15)
+
+    def with_tables(told: bytes) -> bytes:
+        deflated = zlib.compress(told, wbits=-15)
+        return with_normals(struct.pack("<HH", len(deflated), len(told)) + deflated + normals[packed:])
+
     middle = len(tile) // 2
     return {
         "truncated": tile[:middle],
@@ -174,6 +180,11 @@ def corrupt(tile: bytes) -> dict[str, bytes]:
         "coded-state": with_normals(normals[:packed] + b"\1" + normals[packed + 1 :]),
         "coded-size": with_normals(normals[:2] + b"\1" + normals[3:]),
         "coded-tables": with_normals(normals[:4] + bytes(packed - 4) + normals[packed:]),
+        "coded-tables-short": with_tables(told[:-1]),
+        "coded-tables-long": with_tables(told + b"\0"),
+        "coded-tables-none": with_tables(b""),
+        "coded-tables-without-first": with_tables(bytes([told[0] & 127]) + told[1:]),
+        "coded-tables-code": with_tables(told[:-1] + b"\xff"),
     }
 
 

@@ -275,6 +275,25 @@ def test_placements_are_to_the_bit_those_of_a_whole_bake(tmp_path: Path) -> None
     assert np.array_equal(one, other)
 
 
+def test_a_world_is_repaired_in_its_own_frame(tmp_path: Path) -> None:
+    """After an update the sources alone would put the origin, and the corner of the grid, elsewhere."""
+    place = tmp_path / "world"
+    town = [(x + 3000, y + 7000, height, name) for x, y, height, name in BUILDINGS]
+    source = write(tmp_path / "town.geojson", [(0, 0, 9, "far away"), *town])
+    bake_sources([source], place, OPTIONS)
+    write(source, town)
+    update_place(place, [source], workers=1)
+    manifest = read_manifest(DirectoryStore(place))
+    assert read_scene([source]).origin != manifest.origin
+    drop_garbage(DirectoryStore(place))
+    whole = contents(place)
+    store = DirectoryStore(place)
+    for key in (next(iter(store.list("orthoview"))), next(iter(store.list("geometry")))):
+        store.put(key, b"broken")
+    assert not verify_place(place, repair=True).faults
+    assert contents(place) == whole
+
+
 def test_what_has_no_coordinates_stays_where_the_world_has_it(tmp_path: Path) -> None:
     """The local zero follows from the extent of what is read, which a region makes smaller."""
     folder = tmp_path / "scene"

@@ -6,7 +6,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from typing import Never
 
@@ -17,9 +16,6 @@ from farfield import __version__
 from farfield.cli import app, main
 from farfield.cli.output import in_bytes, in_time, plain
 from farfield.errors import FarfieldError, InputError, OptionError
-
-HELP_SECONDS = 0.5
-"""0.1 s on an idle machine."""
 
 
 def raising(error: BaseException) -> Callable[[], None]:
@@ -119,12 +115,12 @@ def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], name:
 
 
 def test_help_is_there_at_once() -> None:
-    seconds = []
-    for _ in range(3):
-        began = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "farfield", "--help"], check=True, stdout=subprocess.DEVNULL)
-        seconds.append(time.perf_counter() - began)
-    assert min(seconds) < HELP_SECONDS
+    """0.1 s on an idle machine: what takes longer to import is not imported."""
+    code = "import sys; from farfield.cli import main; main(['--help']); print(*sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    loaded = set(ended.stdout.splitlines()[-1].split())
+    assert "farfield.cli.entry" in loaded
+    assert loaded.isdisjoint({"numpy", "numba", "pyogrio", "shapely", "PIL", "dask", "asyncio", "msgspec", "obstore"})
 
 
 def test_whoever_stops_reading_is_left_in_peace() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import tracemalloc
+import zlib
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from farfield.errors import CorruptTileError
 from farfield.represent.orthoview import container
-from farfield.represent.orthoview.container import DEFLATE, RAW, WEBP, Plane, TileHeader
+from farfield.represent.orthoview.container import CODED, DEFLATE, RAW, WEBP, Plane, TileHeader
 from farfield.represent.orthoview.quality import quality
 from farfield.represent.orthoview.tile import (
     COLOR,
@@ -67,6 +68,15 @@ def without(kind: int) -> bytes:
     return rebuilt(lambda h, p: ({}, {k: v for k, v in p.items() if k != kind}))
 
 
+def with_tables(change: Callable[[bytes], bytes]) -> bytes:
+    """TILE with other tables before its coded normals."""
+    stored = container.unpack(TILE, MAGIC, "")[1][NORMAL].stored
+    end = 4 + int.from_bytes(stored[:2], "little")
+    told = change(zlib.decompress(stored[4:end], -15))
+    packed = deflated(told)
+    return with_plane(NORMAL, CODED, struct.pack("<HH", len(packed), len(told)) + packed + stored[end:])
+
+
 COUNT = int(np.count_nonzero(LAYER.valid))
 
 
@@ -96,6 +106,15 @@ COUNT = int(np.count_nonzero(LAYER.valid))
         (with_plane(NORMAL, DEFLATE, deflated(bytes(2 * COUNT)) + b"x"), "does not hold"),
         (with_plane(NORMAL, DEFLATE, deflated(bytes(2 * COUNT))[:-1]), "does not hold"),
         (with_plane(NORMAL, RAW, bytes([64]) * (2 * COUNT)), "beyond 63"),
+        (with_plane(NORMAL, CODED, b"\1\0\1"), "too short"),
+        (with_plane(NORMAL, CODED, b"\0\0\0\0abc"), "too short"),
+        (with_plane(NORMAL, CODED, b"\2\0\1\0\xff\xffabcd"), "cannot be inflated"),
+        (with_tables(lambda told: told[:-1]), "tables that no writer makes"),
+        (with_tables(lambda told: told + b"\0"), "more tables than contexts"),
+        (with_tables(lambda told: b""), "tables that no writer makes"),
+        (with_tables(lambda told: bytes([told[0] & 127]) + told[1:]), "tables that no writer makes"),
+        (with_tables(lambda told: told[:-1] + b"\xff"), "tables that no writer makes"),
+        (with_tables(lambda told: told[:-1] + bytes([told[-1] ^ 1])), "does not hold what it should|beyond"),
         (with_plane(COVERAGE, RAW, bytes([128]) * COUNT), "beyond 127"),
         (with_plane(FLAGS, RAW, b"\xff" * ((COUNT + 7) // 8)), "more than the valid"),
         (with_plane(UNLIT, RAW, b""), "does not hold"),

@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Meta
 
 from farfield.errors import CorruptTileError, OptionError
+from farfield.inflate import inflate
 from farfield.octree.grid import CellKey
 from farfield.world.limits import DAMAGE, Count, DirectionNumber, Hash, HashOrNone, LayerNumber, is_box
 from farfield.world.limits import Bounds as Bounds
@@ -92,13 +93,11 @@ def _text_of(data: bytes, where: str) -> bytes:
     magic, version, reserved, length, checksum = _HEADER.unpack_from(data)
     if magic != _MAGIC or version != _VERSION or reserved or length > MAXIMUM_BYTES:
         raise CorruptTileError("not an index tile of a known version", where, _HINT)
-    stream = zlib.decompressobj(-15)
     try:
-        # One byte more than it should be shows a longer one; and 0 would mean without a limit.
-        text = stream.decompress(data[_HEADER.size :], length + 1)
+        text = inflate(data[_HEADER.size :], length)
     except zlib.error as error:
         raise CorruptTileError(f"index tile is damaged: {error}", where, _HINT) from None
-    if len(text) != length or not stream.eof or stream.unused_data or zlib.crc32(text) != checksum:
+    if zlib.crc32(text) != checksum:
         raise CorruptTileError("index tile is damaged", where, _HINT)
     return text
 

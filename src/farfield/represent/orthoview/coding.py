@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
+from farfield.inflate import inflate
 from farfield.kernels import rans
 
 _SIZES = struct.Struct("<HH")
@@ -96,14 +97,10 @@ class Reader:
             raise self._wrong("does not hold what it should")
 
     def _inflated(self, packed: bytes, size: int) -> bytes:
-        stream = zlib.decompressobj(-15)
         try:
-            told = stream.decompress(packed, size + 1)
+            return inflate(packed, size)
         except zlib.error as error:
             raise self._wrong(f"has tables that cannot be inflated: {error}") from None
-        if len(told) != size or not stream.eof or stream.unused_data:
-            raise self._wrong("has tables of another size than it says")
-        return told
 
     def _tables(self, models: Sequence[Model], told: bytes) -> tuple[NDArray[np.int32], list[NDArray[np.uint8]]]:
         contexts = sum(model.contexts for model in models)

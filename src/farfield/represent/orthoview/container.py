@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from farfield.errors import CorruptTileError
+from farfield.inflate import inflate
 
 VERSION = 1
 MAXIMUM_SIDE = 4096
@@ -120,21 +121,13 @@ def inflated(planes: Mapping[int, Plane], kind: int, name: str, size: int, where
     plane = planes.get(kind)
     if plane is None:
         raise CorruptTileError(f"has no {name} plane", where)
-    if plane.codec == RAW:
-        content, complete = plane.stored, True
-    elif plane.codec == DEFLATE:
-        content, complete = _inflate(plane, name, size, where)
-    else:
+    if plane.codec == DEFLATE:
+        try:
+            return inflate(plane.stored, size)
+        except zlib.error as error:
+            raise CorruptTileError(f"{name} plane at byte {plane.at} cannot be inflated: {error}", where) from None
+    if plane.codec != RAW:
         raise CorruptTileError(f"{name} plane at byte {plane.at} has codec {plane.codec}", where)
-    if len(content) != size or not complete:
+    if len(plane.stored) != size:
         raise CorruptTileError(f"{name} plane at byte {plane.at} does not hold the {size} bytes it should", where)
-    return content
-
-
-def _inflate(plane: Plane, name: str, size: int, where: str) -> tuple[bytes, bool]:
-    stream = zlib.decompressobj(-15)
-    try:
-        content = stream.decompress(plane.stored, size + 1)
-    except zlib.error as error:
-        raise CorruptTileError(f"{name} plane at byte {plane.at} cannot be inflated: {error}", where) from None
-    return content, stream.eof and not stream.unused_data
+    return plane.stored

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from farfield.errors import DamagedValueError, NotAWorldError, VersionError
+from farfield.inflate import inflate
 from farfield.store.archive.order import rank
 from farfield.store.keys import is_key
 
@@ -128,10 +129,7 @@ def _decode(block: bytes, total: int) -> list[Entry]:
     unpacked, count = _BLOCK.unpack_from(block)
     if unpacked > MAX_DIRECTORY_BYTES or count * SMALLEST_ENTRY > unpacked:
         raise ValueError("its size is absurd")
-    columns = zlib.decompressobj(-15).decompress(block[_BLOCK.size :], unpacked + 1)
-    if len(columns) != unpacked:
-        raise ValueError("it does not unpack to the size it names")
-    reader = _Columns(columns)
+    reader = _Columns(inflate(block[_BLOCK.size :], unpacked))
     shared, rest, gaps, lengths = (reader.varints(count) for _ in range(4))
     checksums = struct.unpack(f"<{count}I", reader.take(4 * count))
     text = reader.take(sum(rest)).decode("ascii")
