@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "src/farfield"
 
 ORDER = [
-    {"errors", "progress", "__init__"},
+    {"errors", "progress", "inflate", "__init__"},
     {"geometry"},
     {"kernels"},
     {"scene"},
