@@ -113,7 +113,7 @@ def _orthoview() -> Decoder:
 
 def _tile_bound(data: bytes) -> int:
     width, height = int.from_bytes(data[20:22], "little"), int.from_bytes(data[22:24], "little")
-    return 64 * width * height * (max(width, height) <= 4096) + (1 << 20) + _ROOM
+    return 64 * width * height * (max(width, height) <= 4096) + 4 * len(data) + (1 << 20) + _ROOM
 
 
 def _use_tile(tile: Any) -> None:

@@ -10,13 +10,14 @@ from collections.abc import Iterator
 import pytest
 from PIL import Image
 
+from farfield.represent.orthoview.planes import DEPTH
 from farfield.represent.orthoview.quality import quality
 from farfield.represent.orthoview.tile import encode_tile
 from farfield.world.manifest import KEY
 from fuzz.apart import Apart
 from fuzz.decoders import decoders, golden
 from fuzz.judge import Outcome
-from fuzz.shells import GLB_BODY, GLB_JSON, INDEX_TEXT
+from fuzz.shells import GLB_BODY, GLB_JSON, INDEX_TEXT, plane
 from represent.random_layers import random_layer
 
 COUNT = 4000
@@ -107,6 +108,8 @@ def values() -> Iterator[tuple[str, str, bytes]]:
     yield "texture", "grey and alpha", picture("LA")
     yield "texture", "JPEG", picture("CMYK", "JPEG")
     yield "orthoview", "large", encode_tile(random_layer(5, 400, 400), 0, 0, 0, quality("normal"))
+    small, depth = encode_tile(random_layer(5, 2, 2), 0, 0, 0, quality("normal")), plane(DEPTH)
+    yield "orthoview", "long plane", depth.close(small, (depth.open(small) or b"") + bytes(1 << 20))
 
 
 VALUES = {f"{decoder}: {what}": (decoder, value) for decoder, what, value in values()}
