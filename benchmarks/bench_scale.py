@@ -4,8 +4,8 @@
 
 Objects float in cubes of 4, 8 and 16 of them a side; leaves are two of them wide, with room for what sticks out of the
 cube, so that a world of 64 times the triangles has just 64 times the leaves, as full, and two levels more. Each bake
-is a process of its own with one worker, as users call it; its peak memory is what the system says, and the start of
-the program and all kernels, the time of the smallest world with objects of 12 triangles, is taken off its time.
+is a process of its own with one worker, as users call it; its peak memory is what the system says. Time a triangle is
+told of what a world has more than the next smaller one: the start of the program and its kernels cancels out.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,21 +26,21 @@ OPTIONS = ("--leaf-size", "48", "--directions", "9", "--workers", "1", "--json")
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """Per size: triangles, cells, processor time a triangle, peak bytes; and how both grow."""
-    side, triangles, resolution, times = (1, 500, 32, TIMES[:2]) if quick else (4, 20_000, 128, TIMES)
+    """Per size: triangles, cells, processor seconds, peak bytes, and from the second on the processor time of each
+    triangle more than before; and how both grow."""
+    side, triangles, resolution = (1, 500, 32) if quick else (4, 20_000, 128)
     sizes: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory(prefix="farfield-scale-") as name:
-        simplest = make_objects(Path(name) / "simplest", ObjectsOptions(count=side**3, triangles=12))
-        start = _bake(simplest.path, Path(name) / "start", resolution)["processor_seconds"]
-        for factor in times:
+        for factor in TIMES:
             folder = Path(name) / str(factor)
             scene = make_objects(folder / "scene", ObjectsOptions(count=side**3 * factor, triangles=triangles))
-            figures = _bake(scene.path, folder / "world", resolution)
-            figures["microseconds"] = round(1e6 * (figures["processor_seconds"] - start) / figures["triangles"], 3)
-            sizes[str(factor)] = figures
-    spent, peaks = ([size[fact] for size in sizes.values()] for fact in ("microseconds", "peak_bytes"))
+            sizes[str(factor)] = _bake(scene.path, folder / "world", resolution)
+    for smaller, larger in pairwise(sizes.values()):
+        seconds, triangles = (larger[fact] - smaller[fact] for fact in ("processor_seconds", "triangles"))
+        larger["microseconds_a_triangle_more"] = round(1e6 * seconds / triangles, 3)
+    spent = [size["microseconds_a_triangle_more"] for size in list(sizes.values())[1:]]
+    peaks = [size["peak_bytes"] for size in sizes.values()]
     return {
-        "start_seconds": start,
         "sizes": sizes,
         "time_spread": round(max(spent) / max(min(spent), 1e-9), 3),
         "memory_growth": round(peaks[-1] / peaks[0], 3),
