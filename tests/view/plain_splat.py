@@ -68,6 +68,7 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
     connected = bool(layer.connected[j, i] & 1)
     if connected and n @ c >= 0:
         return
+    front = d + p * (1 - abs(away))
     s = screen @ c / d
     if connected:
         nw = -max(away, 0.001)
@@ -85,7 +86,7 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
     x0, y0 = int(np.floor(s[0])), int(np.floor(s[1]))
     if area < 1:
         if lattice_hash(layer.x + i, layer.y + j) < (share * whole if whole >= 1 else 1 - (1 - share) ** whole):
-            frame.put(x0, y0, d, j, i)
+            frame.put(x0, y0, front, j, i)
         return
     reach = np.sqrt((T * T).sum(1) / 2)
     if 2 * reach.max() > frame.size[1]:
@@ -97,4 +98,4 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
         for x in range(first[0], last[0] + 1):
             alpha, beta = np.linalg.solve(T, [x + 0.5 - s[0], y + 0.5 - s[1]])
             if alpha**2 + beta**2 <= 0.5 or (x, y) == (x0, y0):
-                frame.put(x, y, max(d + (alpha * U_depth + beta * V_depth) * shrunk, d / 2), j, i)
+                frame.put(x, y, max(front + (alpha * U_depth + beta * V_depth) * shrunk, front / 2), j, i)

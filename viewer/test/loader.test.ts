@@ -150,11 +150,39 @@ describe("Loader", () => {
       loader.want([want(list[n]!)], n);
       await settle();
       loader.install(1e9);
-      loader.keep([list[n]!], n);
       expect(loader.cache.bytes).toBeLessThanOrEqual(5000);
     }
     expect(seen.disposed).toEqual(["orthoview/0", "orthoview/1", "orthoview/2"]);
     expect(list.map(({ state }) => state === "held")).toEqual([false, false, false, true, true, true, true, true]);
+  });
+
+  it("lets what is wanted wait while it would not fit beside what is drawn", async () => {
+    serve(() => bytes(1000));
+    const { loader } = makeLoader(5500);
+    const [drawn, list] = [resources(3), resources(9).slice(3)];
+    loader.want(drawn.map((resource) => want(resource)), 1);
+    await settle();
+    loader.install(1e9);
+    loader.want(list.map((resource) => want(resource)), 2, drawn);
+    await settle();
+    loader.install(1e9);
+    expect(loader.cache.bytes).toBe(5000);
+    loader.want(list.map((resource) => want(resource)), 3, drawn.slice(0, 1));
+    await settle();
+    expect(loader.cache.bytes).toBe(5000);
+    expect(drawn.map(({ held }) => held)).toEqual([true, false, false]);
+  });
+
+  it("asks for one thing at a time when nothing fits", async () => {
+    const asked = serve(() => bytes(1000));
+    const { loader } = makeLoader(1500);
+    const list = resources(4);
+    loader.want(list.map((resource) => want(resource)), 1);
+    for (let n = 1; n <= 4; n++) {
+      await settle();
+      expect(asked.length).toBe(n);
+      loader.install(1e9);
+    }
   });
 
   it("uploads no more than a frame's share at a time", async () => {

@@ -116,7 +116,7 @@ def splat_layer(  # type: ignore[no-untyped-def]
     depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice_x, lattice_y: its x and y, which the
     hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and
     UPPER apply.
-    frame_depth: (H, W) float32 metres along the view axis, inf = nothing. frame_surface: (H, W) uint32, sRGB albedo in
+    frame_depth: (H, W) float32 metres along the view axis, inf = nothing; up to a pitch behind what is drawn. frame_surface: (H, W) uint32, sRGB albedo in
     the low three bytes (red lowest) and the light byte. frame_normal: (H, W) uint32 or (0, 0), world normal, ten bits
     an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
     """
@@ -164,6 +164,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
                     continue
             elif facing > _F0:
                 nu, nv, nw = -nu, -nv, -nw
+            # Of two views of the same surface the one that looks at it squarely shows more of it.
+            front = d + pitch * (_F1 - abs(nw))
             inverse = _F1 / d
             sx = (xu * cu + xv * cv + xw * cw) * inverse
             sy = (yu * cu + yv * cv + yw * cw) * inverse
@@ -213,10 +215,10 @@ def splat_layer(  # type: ignore[no-untyped-def]
             if area < _F1:
                 chance = _thin_chance(abs(determinant) / (shrunk * shrunk), coverage[j, i])
                 if (
-                    0 <= x0 < width and 0 <= y0 < height and d < frame_depth[y0, x0]
+                    0 <= x0 < width and 0 <= y0 < height and front < frame_depth[y0, x0]
                     and np.float32(_lattice_hash(row_hash, (lattice_x + i) & 0xFFFFFFFF)) * _HASH_UNIT < chance
                 ):  # fmt: skip
-                    frame_depth[y0, x0] = d
+                    frame_depth[y0, x0] = front
                     frame_surface[y0, x0] = surface
                     if with_normals:
                         frame_normal[y0, x0] = packed
@@ -236,7 +238,7 @@ def splat_layer(  # type: ignore[no-untyped-def]
                     beta = (ux * dy - uy * dx) * inverse_determinant
                     if alpha * alpha + beta * beta > _HALF and (x != x0 or y != y0):
                         continue
-                    z = max(d + alpha * ud + beta * vd, _HALF * d)
+                    z = max(front + alpha * ud + beta * vd, _HALF * front)
                     if z < frame_depth[y, x]:
                         frame_depth[y, x] = z
                         frame_surface[y, x] = surface

@@ -38,6 +38,13 @@ export class Cache {
     this.drop(resource);
   }
 
+  /** Bytes of what plan `number` has a use for. */
+  inUse(number: number): number {
+    let bytes = 0;
+    for (const { used, size } of this.entries) if (used >= number) bytes += size;
+    return bytes;
+  }
+
   /** Drops what plan `number` has no use for until `room` more bytes fit, the longest unused first. */
   trim(number: number, room = 0): void {
     for (const resource of this.entries) {

@@ -2,6 +2,7 @@ import { Cache } from "./cache.js";
 import { asFarfieldError, type FarfieldError } from "./errors.js";
 import type { Resource } from "./resource.js";
 import type { Server, Servers } from "./servers.js";
+import { Sizes } from "./sizes.js";
 import { valueOf, type Found } from "./source.js";
 import { URGENCY, type Want } from "./wants.js";
 
@@ -44,10 +45,13 @@ interface Request {
 /** Fetches what is wanted, most urgent first, decodes it, and keeps it within a budget of bytes. */
 export class Loader {
   readonly cache: Cache;
+  readonly sizes = new Sizes();
   private wants: readonly Want[] = [];
   /** The same by server. */
   private queues: ReadonlyMap<Server, readonly Want[]> = new Map();
   private plan = 0;
+  /** Bytes of what the plan uses and of what is under way, as far as can be told. */
+  private taken = 0;
   private readonly requests = new Map<AbortController, Request>();
   private readonly loading = new Map<Resource, AbortController>();
   private readonly ready = new Map<Resource, Prepared>();
@@ -68,14 +72,19 @@ export class Loader {
     return this.loading.size + this.ready.size;
   }
 
-  /** Takes the wants of plan `number`, most urgent first; gives up requests that none of them needs. */
-  want(wants: readonly Want[], number: number): void {
+  /**
+   * Takes the wants of plan `number`, most urgent first, and what it draws meanwhile; gives up requests that none of them
+   * needs, and drops what no longer fits.
+   */
+  want(wants: readonly Want[], number: number, drawn: Iterable<Resource> = []): void {
     this.wants = wants;
     this.queues = grouped(wants, ({ resource }) => this.serverOf(resource));
     this.plan = number;
     for (const { resource, urgency } of wants) {
       if (urgency <= URGENCY.seen) this.cache.use(resource, number);
     }
+    for (const resource of drawn) this.cache.use(resource, number);
+    this.cache.trim(number);
     const wanted = new Set(wants.map(({ resource }) => resource));
     for (const [controller, { resources }] of this.requests) {
       if (!resources.some((resource) => wanted.has(resource))) controller.abort();
@@ -97,12 +106,6 @@ export class Loader {
     return true;
   }
 
-  /** Marks what a plan draws, then drops what no longer fits. */
-  keep(drawn: Iterable<Resource>, number: number): void {
-    for (const resource of drawn) this.cache.use(resource, number);
-    this.cache.trim(number);
-  }
-
   /** Gives everything up. */
   clear(): void {
     for (const controller of this.requests.keys()) controller.abort();
@@ -115,6 +118,8 @@ export class Loader {
   pump(): void {
     const { length } = this.servers.all;
     const most = Math.min(REQUESTS, Math.max(2, Math.floor(REQUESTS_TO_ALL / length)));
+    this.taken = this.cache.inUse(this.plan);
+    for (const resource of this.loading.keys()) this.taken += this.sizes.of(resource);
     for (const [server, wants] of this.queues) this.ask(server, wants, most, UNDER_WAY / length);
   }
 
@@ -129,9 +134,15 @@ export class Loader {
       const most = Math.min(server.source.batchKeys, left);
       for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
         const { resource, urgency } = wants[next]!;
-        if (resource.state !== "absent" || !this.servers.mayAsk(resource) || !this.fits(resource, urgency)) continue;
+        if (resource.state !== "absent" || !this.servers.mayAsk(resource)) continue;
+        if (!this.fits(resource, urgency, chosen.length === 0)) {
+          // What is more urgent is not to wait until smaller things have filled the room.
+          if (urgency <= URGENCY.seen) break;
+          continue;
+        }
         chosen.push(resource);
         bytes += resource.bytes;
+        this.taken += this.sizes.of(resource);
       }
       if (chosen.length === 0) return;
       left -= chosen.length;
@@ -145,9 +156,14 @@ export class Loader {
     return server;
   }
 
-  /** What is not needed for the picture comes only while there is room. */
-  private fits(resource: Resource, urgency: number): boolean {
-    return urgency <= URGENCY.seen || this.cache.bytes + resource.bytes * 8 < this.cache.budget * 0.7;
+  /**
+   * What is needed for the picture waits until it fits beside what stands in for it, unless nothing else is under way;
+   * what is not needed comes only while there is room.
+   */
+  private fits(resource: Resource, urgency: number, first: boolean): boolean {
+    const size = this.sizes.of(resource);
+    if (urgency > URGENCY.seen) return this.cache.bytes + size < this.cache.budget * 0.7;
+    return this.taken + size <= this.cache.budget || (first && this.underWay === 0);
   }
 
   private async request(server: Server, resources: Resource[]): Promise<void> {
@@ -178,6 +194,7 @@ export class Loader {
       resource.needs = null;
       resource.state = "ready";
       resource.size = prepared.size;
+      this.sizes.learn(resource);
       this.ready.set(resource, prepared);
       this.cache.trim(this.plan, prepared.size);
       this.cache.add(resource);

@@ -17,7 +17,7 @@ export class Resource {
   state: ResourceState = "absent";
   /** What the drawing side made of it, while held. */
   payload: unknown = null;
-  /** Bytes it takes while ready or held. */
+  /** Bytes it takes while ready or held; stays when it is dropped, 0 until it was decoded for the first time. */
   size = 0;
   /** Number of the last plan that had a use for it. */
   used = 0;

@@ -50,7 +50,7 @@ export class Session {
   private viewpoint: Viewpoint | null = null;
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
-  private readonly coarsening = new CoarseningControl();
+  private readonly coarsening: CoarseningControl;
 
   constructor(
     private readonly parts: SessionParts,
@@ -64,6 +64,7 @@ export class Session {
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
     const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget });
     this.loader = new Loader(servers, preparer, options().cacheBytes, events);
+    this.coarsening = new CoarseningControl(this.loader.sizes);
   }
 
   /** Prepares a newer generation; it takes the place of the present one when all that the view wants of it is there. */
@@ -136,8 +137,7 @@ export class Session {
     this.plan = plan;
     this.number++;
     explore(index, plan);
-    this.loader.want(joined(ahead.wants ?? [], wants), this.number);
-    this.loader.keep(drawnBy(plan), this.number);
+    this.loader.want(joined(ahead.wants ?? [], wants), this.number, drawnBy(plan));
     if (ahead.taken) this.loader.cache.dropGone();
     this.seen = seenOf(wants);
     return { picture: !before || !samePlan(plan, before), detail, generation: ahead.taken };

@@ -57,6 +57,8 @@ void main() {
     if (!connected && facing > 0.0) n = -n;
     if (!drawnHere(c)) return;
 
+    // Of two views of the same surface the one that looks at it squarely shows more of it.
+    float front = d + pitch * (1.0 - abs(n.z));
     float inverseD = 1.0 / d;
     vec2 s = vec2(dot(toX, c), dot(toY, c)) * inverseD;
     uint cover = (position.z >> 12) & 15u; // less one, sixteenths
@@ -82,13 +84,13 @@ void main() {
         float whole = abs(det) / (shrunk * shrunk);
         float chance = whole >= 1.0 ? whole * share : 1.0 - exp2(whole * log2(max(1.0 - share, 1e-30)));
         if (float(h) * (1.0 / 4294967296.0) >= chance) return;
-        centre = vec4(s, d, 0.0);
+        centre = vec4(s, front, 0.0);
         conic = vec3(0.0);
         slope = vec2(0.0);
     } else {
         vec2 rowAlpha = vec2(V.y, -V.x) / det;
         vec2 rowBeta = vec2(-U.y, U.x) / det;
-        centre = vec4(s, d, 1.0);
+        centre = vec4(s, front, 1.0);
         conic = vec3(
             rowAlpha.x * rowAlpha.x + rowBeta.x * rowBeta.x,
             2.0 * (rowAlpha.x * rowAlpha.y + rowBeta.x * rowBeta.y),
