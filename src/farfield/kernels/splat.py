@@ -116,9 +116,9 @@ def splat_layer(  # type: ignore[no-untyped-def]
     depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice_x, lattice_y: its x and y, which the
     hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and
     UPPER apply.
-    frame_depth: (H, W) float32 metres along the view axis, inf = nothing; up to a pitch behind what is drawn. frame_surface: (H, W) uint32, sRGB albedo in
-    the low three bytes (red lowest) and the light byte. frame_normal: (H, W) uint32 or (0, 0), world normal, ten bits
-    an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
+    frame_depth: (H, W) float32 metres along the view axis, up to a pitch behind what is drawn; inf = nothing.
+    frame_surface: (H, W) uint32, sRGB albedo in the low three bytes (red lowest) and the light byte. frame_normal:
+    (H, W) uint32 or (0, 0), world normal, ten bits an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
     """
     rows, columns = depth.shape
     height, width = frame_depth.shape
