@@ -85,3 +85,13 @@ def test_an_archive_is_drawn_as_the_folder(folder: Path, tmp_path: Path) -> None
     picture = (tmp_path / "folder.png").read_bytes()
     assert len(picture) > 1000
     assert picture == (tmp_path / "archive.png").read_bytes()
+
+
+def test_splats_of_another_shape(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pictures = set()
+    for shape in ("covered", "discs", "ellipses"):
+        assert main(["render", str(folder), *VIEW, "--splats", shape, "-o", str(tmp_path / f"{shape}.png")]) == 0
+        pictures.add((tmp_path / f"{shape}.png").read_bytes())
+    assert len(pictures) == 3
+    assert main(["render", str(folder), *VIEW, "--splats", "round", "-o", str(tmp_path / "none.png")]) == 2
+    assert "--splats: no splats 'round'" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from farfield.geometry.normals import DECODED
 from farfield.kernels.splat import FOOTPRINT
 from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.view.splats import Splats
 
 
 @dataclass
@@ -43,13 +44,15 @@ def lattice_hash(column: int, row: int) -> float:
     return (h ^ (h >> 15)) / 2**32
 
 
-def splat(frame: PlainFrame, layer: OrthoLayer, direction: Direction, grid: Grid, level: int, box=None) -> None:
+def splat(
+    frame: PlainFrame, layer: OrthoLayer, direction: Direction, grid: Grid, level: int, box=None, splats=Splats.COVERED
+) -> None:
     """Draws every valid pixel of the layer."""
     for j, i in np.argwhere(layer.valid):
-        _splat_pixel(frame, layer, direction, grid.corner, grid.pitch(level), box, int(j), int(i))
+        _splat_pixel(frame, layer, direction, grid.corner, grid.pitch(level), box, splats, int(j), int(i))
 
 
-def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
+def _splat_pixel(frame, layer, direction, corner, p, box, splats, j, i):
     u, v, w = direction.axes
     eye = np.array(frame.camera.eye)
     point = np.array(corner) + u * (layer.x + i + 0.5) * p + v * (layer.y + j + 0.5) * p
@@ -70,14 +73,18 @@ def _splat_pixel(frame, layer, direction, corner, p, box, j, i):
         return
     front = d + p * (1 - abs(away))
     s = screen @ c / d
-    if connected:
+    elliptic = connected if splats in (Splats.CONNECTED, Splats.SPHERICITY, Splats.COVERED) else splats != Splats.DISCS
+    if elliptic:
         nw = -max(away, 0.001)
         a, b = np.clip(-nu / nw, -4, 4), np.clip(-nv / nw, -4, 4)
         U, V = p * (u + a * w), p * (v + b * w)
         U_screen, V_screen = ((screen @ A - s * (forward @ A)) / d for A in (U, V))
         U_depth, V_depth = forward @ U, forward @ V
     else:
-        rho = p * frame.camera.focal(frame.size) / d
+        rho = p * frame.camera.focal(frame.size) / d / (np.sqrt(2) if splats is Splats.DISCS else 1)
+        U_screen, V_screen, U_depth, V_depth = np.array([rho, 0]), np.array([0, rho]), 0.0, 0.0
+    if splats is Splats.WARPED_DISCS:
+        rho = max(np.linalg.norm(U_screen), np.linalg.norm(V_screen))
         U_screen, V_screen, U_depth, V_depth = np.array([rho, 0]), np.array([0, rho]), 0.0, 0.0
     share, whole = layer.coverage[j, i] / 16, abs(np.linalg.det(np.stack([U_screen, V_screen], 1)))
     shrunk = FOOTPRINT[layer.coverage[j, i]]

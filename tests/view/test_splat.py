@@ -12,6 +12,7 @@ from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
 from farfield.view.shading import Light, lambert
+from farfield.view.splats import Splats
 from view.plain_splat import PlainFrame, splat
 
 GRID = Grid(16.0, 32, (1000.0, -2000.0, 10.0), (4, 4, 1))
@@ -50,12 +51,22 @@ def camera_towards(number: int, away: float, off: float = 0.3) -> Camera:
 @pytest.mark.parametrize("away", [12.0, 30.0, 150.0])
 @pytest.mark.parametrize("clipped", [False, True])
 def test_equals_plain_twin(number: int, away: float, clipped: bool) -> None:
+    compare_with_twin(number, away, clipped, Splats.COVERED)
+
+
+@pytest.mark.parametrize("away", [12.0, 150.0])
+@pytest.mark.parametrize("splats", list(Splats))
+def test_shapes_equal_plain_twin(splats: Splats, away: float) -> None:
+    compare_with_twin(13, away, False, splats)
+
+
+def compare_with_twin(number: int, away: float, clipped: bool, splats: Splats) -> None:
     layer, size = random_layer(number, number), (160, 120)
     camera = camera_towards(number, away)
     box = np.array([GRID.corner, np.array(GRID.corner) + np.array([8.0, 16.0, 9.5])]) if clipped else None
     frame, plain = Frame.empty(camera, size, 1, objects=True), PlainFrame(camera, size)
-    frame.splat(layer, DIRECTIONS[number], GRID, 0, Light(), box)
-    splat(plain, layer, DIRECTIONS[number], GRID, 0, box)
+    frame.splat(layer, DIRECTIONS[number], GRID, 0, Light(), box, splats)
+    splat(plain, splats.applied(layer), DIRECTIONS[number], GRID, 0, box, splats)
     assert np.isfinite(plain.depth).sum() > 10
     objects = np.zeros(size[::-1], np.uint32)
     for at, pixel in plain.pixel.items():

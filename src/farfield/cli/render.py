@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from farfield.view.left_out import LeftOut
     from farfield.view.picture import Picture
     from farfield.view.shading import Light
+    from farfield.view.splats import Splats
 
 SAMPLES_OF_WORLDS = 16
 SAMPLES_OF_SOURCES = 64
@@ -44,6 +45,9 @@ TransparentOption = Annotated[bool, typer.Option("--transparent", help="Nothing 
 LayersOption = Annotated[str, typer.Option(metavar="A,B", help="Of colour, depth, normal, id; written beside the PNG.")]
 ViewsOption = Annotated[int, typer.Option(metavar="N", min=1, max=26, help="Views drawn of a cell.")]
 DepthLayersOption = Annotated[int, typer.Option(metavar="1|2", min=1, max=2, help="Depth layers drawn of a view.")]
+SplatsOption = Annotated[
+    str, typer.Option(metavar="SHAPE", help="For comparison: discs, warped-discs, ellipses, connected, sphericity.")
+]
 BiasOption = Annotated[float, typer.Option(help="1 draws cells twice as fine, -1 twice as coarse.")]
 
 
@@ -64,6 +68,7 @@ def command(
     views: ViewsOption = 3,
     depth_layers: DepthLayersOption = 2,
     bias: BiasOption = 0.0,
+    splats: SplatsOption = "covered",
     as_json: JsonOption = False,
 ) -> None:
     """Render WORLD, or the true picture of SOURCE, to a PNG.
@@ -81,6 +86,7 @@ def command(
         picture = _of_world(
             place, camera, width_height, light, _grid(samples or SAMPLES_OF_WORLDS), wanted,
             views=views, layers=depth_layers, bias=bias, near_radius=near_radius, far_only=far_only,
+            splats=_splats(splats),
         )  # fmt: skip
     else:
         left_out = _left_out(cells_from, camera, width_height, near_radius) if far_only else None
@@ -105,6 +111,16 @@ def _layers(text: str) -> tuple[str, ...]:
         if name not in LAYERS:
             raise OptionError(f"no layer {name!r}", "--layers", f"layers are {', '.join(LAYERS)}")
     return names
+
+
+def _splats(text: str) -> Splats:
+    from farfield.errors import OptionError
+    from farfield.view.splats import Splats
+
+    known = {splats.value: splats for splats in Splats}
+    if text not in known:
+        raise OptionError(f"no splats {text!r}", "--splats", f"splats are {', '.join(known)}")
+    return known[text]
 
 
 def _camera(eye: str, target: str, fov: float | None, width_height: tuple[int, int]) -> Camera:

@@ -24,6 +24,10 @@ LOWER, UPPER: corners of the box to clip to, relative to the eye, along the worl
 WORLD_X, WORLD_Y, WORLD_Z: the world's axes, to turn points and normals into the world's frame.
 """
 
+BY_FLAG, DISCS, WARPED_DISCS, ELLIPSES = range(4)
+"""Shapes of footprints: ellipses of connected pixels and discs of the others, as viewers draw them. For comparison (OV
+Figure 8, b to d): discs inscribed in the pixel, discs about the pixel warped by its normal, ellipses of all pixels."""
+
 UNLIT_LIGHT = 255
 """Light byte of a surface that is shown as it is."""
 LIGHT_STEPS = 254
@@ -102,20 +106,20 @@ def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
 @kernel(
     types.int64(
         _U16, _U8_3, _U8_3, _U8_2, _U8_2, _U8_2, _U32,
-        types.int64, types.int64, _F32, types.float32, types.float32, types.boolean,
+        types.int64, types.int64, _F32, types.float32, types.float32, types.boolean, types.int64,
         types.float32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1],
     )
 )  # fmt: skip
 def splat_layer(  # type: ignore[no-untyped-def]
     depth, color, normal, length, coverage, flags, objects,
-    lattice_x, lattice_y, placement, pitch, near, clip,
+    lattice_x, lattice_y, placement, pitch, near, clip, shape,
     frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws the splats of one layer; returns how many touched or could have touched the frame.
 
     depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice_x, lattice_y: its x and y, which the
     hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and
-    UPPER apply.
+    UPPER apply. shape: of footprints, BY_FLAG to ELLIPSES.
     frame_depth: (H, W) float32 metres along the view axis, up to a pitch behind what is drawn; inf = nothing.
     frame_surface: (H, W) uint32, sRGB albedo in the low three bytes (red lowest) and the light byte. frame_normal:
     (H, W) uint32 or (0, 0), world normal, ten bits an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
@@ -172,7 +176,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             if not (-_FAR < sx < _FAR and -_FAR < sy < _FAR):
                 continue
             shrunk = _FOOTPRINT[coverage[j, i]]
-            if connected:
+            warped = shape >= WARPED_DISCS or (shape == BY_FLAG and connected)
+            if warped:
                 below = nw if abs(nw) >= _LEAST else -_LEAST
                 a = min(max(-nu / below, -_SLOPE), _SLOPE)
                 b = min(max(-nv / below, -_SLOPE), _SLOPE)
@@ -184,7 +189,10 @@ def splat_layer(  # type: ignore[no-untyped-def]
                 vx = (scale * (xv + b * xw) - sx * vd) * inverse
                 vy = (scale * (yv + b * yw) - sy * vd) * inverse
             else:
-                ux = vy = pitch * shrunk * focal * inverse
+                ux = vy = pitch * shrunk * focal * inverse * (_ROOT_HALF if shape == DISCS else _F1)
+                uy = vx = ud = vd = _F0
+            if shape == WARPED_DISCS:
+                ux = vy = math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))
                 uy = vx = ud = vd = _F0
             determinant = ux * vy - vx * uy
             area = _HALF_PI * abs(determinant)

@@ -14,6 +14,7 @@ from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.picture import Picture
 from farfield.view.shading import Light
+from farfield.view.splats import Splats
 
 NEAR_PLANE = 1e-4
 """Metres in front of the eye from which on splats are drawn."""
@@ -67,17 +68,19 @@ class Frame:
         level: int,
         light: Light,
         box: NDArray[np.float64] | None = None,
+        splats: Splats = Splats.COVERED,
     ) -> int:
         """Draws one layer of an orthoview; returns the number of splats in the frame.
 
-        box: (2, 3) local metres to clip to, half-open; None: no clipping.
+        box: (2, 3) local metres to clip to, half-open; None: no clipping. splats: their shapes.
         """
+        layer = splats.applied(layer)
         return int(
             splat.splat_layer(
                 layer.depth, layer.color, layer.normal, layer.length, layer.coverage, layer.connected,
                 _NO_OBJECTS if layer.objects is None else layer.objects, layer.x, layer.y,
                 self._placement(layer, direction, grid, level, light, box),
-                np.float32(grid.pitch(level)), np.float32(NEAR_PLANE), box is not None,
+                np.float32(grid.pitch(level)), np.float32(NEAR_PLANE), box is not None, splats.shape,
                 self.depth, self.surface, self.normal, self.objects,
             )
         )  # fmt: skip

@@ -21,6 +21,7 @@ from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.near import NearGeometry
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
+from farfield.view.splats import Splats
 from farfield.view.tiles import TileCache, Wanted, places_of
 from farfield.world.index import CellEntry
 from farfield.world.world import World
@@ -46,6 +47,8 @@ class RenderOptions:
     """Leave the near geometry out."""
     nearest_by_angle: bool = False
     """Ignore the table of views of each cell."""
+    splats: Splats = Splats.COVERED
+    """What pixels of orthoviews become; all but the default are for comparison."""
     light: Light = field(default_factory=Light)
     normals: bool = False
     """Keep the normals."""
@@ -195,7 +198,9 @@ class _Drawing:
         sizes = {(d, layer): size for d, layer, size in self._world.entry(cell.key).tiles}
         for place, layer in zip(cell.places, layers, strict=True):
             direction, grid = numbers[place[0]], self._world.grid
-            self._splats += self.frame.splat(layer, direction, grid, cell.key.level, self._options.light, box)
+            self._splats += self.frame.splat(
+                layer, direction, grid, cell.key.level, self._options.light, box, self._options.splats
+            )
             self._bytes += sizes[place]
         self._cells += 1
         self._orthoviews += len({d for d, _ in cell.places})
