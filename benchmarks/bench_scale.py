@@ -42,7 +42,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     peaks = [size["peak_bytes"] for size in sizes.values()]
     return {
         "sizes": sizes,
-        "time_spread": round(max(spent) / max(min(spent), 1e-9), 3),
+        "time_spread": round(max(spent) / min(spent), 3) if min(spent) > 0 else None,
         "memory_growth": round(peaks[-1] / peaks[0], 3),
     }
 

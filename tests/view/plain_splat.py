@@ -84,9 +84,11 @@ def _splat_pixel(frame, layer, direction, corner, p, box, splats, j, i):
         rho = p * frame.camera.focal(frame.size) / d / (np.sqrt(2) if splats is Splats.DISCS else 1)
         U_screen, V_screen, U_depth, V_depth = np.array([rho, 0]), np.array([0, rho]), 0.0, 0.0
     if splats is Splats.WARPED_DISCS:
-        rho = max(np.linalg.norm(U_screen), np.linalg.norm(V_screen))
+        rho = max(np.linalg.norm(U_screen + V_screen), np.linalg.norm(U_screen - V_screen)) / np.sqrt(2)
         U_screen, V_screen, U_depth, V_depth = np.array([rho, 0]), np.array([0, rho]), 0.0, 0.0
     share, whole = layer.coverage[j, i] / 16, abs(np.linalg.det(np.stack([U_screen, V_screen], 1)))
+    if splats is Splats.DISCS:
+        whole *= 2
     shrunk = FOOTPRINT[layer.coverage[j, i]]
     T = np.stack([U_screen, V_screen], 1) * shrunk
     area = np.pi / 2 * abs(np.linalg.det(T))

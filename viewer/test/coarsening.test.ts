@@ -25,7 +25,7 @@ it("learns how large tiles become, and stops at some point", () => {
     sizes.learn(tile);
   }
   expect(control.adapt(held, 250_000)).toBe("same");
-  expect(control.adapt(tiles(13), 250_000)).toBe("coarser");
+  expect(control.adapt(tiles(16), 250_000)).toBe("coarser");
   for (let n = 0; n < 50; n++) control.adapt(tiles(1000), 250_000);
   expect(control.adapt(tiles(1000), 250_000)).toBe("same");
 });

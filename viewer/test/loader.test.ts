@@ -159,6 +159,7 @@ describe("Loader", () => {
   it("lets what is wanted wait while it would not fit beside what is drawn", async () => {
     serve(() => bytes(1000));
     const { loader } = makeLoader(5500);
+    loader.sizes.learn(Object.assign(new Resource("orthoview/seen", "orthoview", 1e9, null), { size: 1e9 }));
     const [drawn, list] = [resources(3), resources(9).slice(3)];
     loader.want(drawn.map((resource) => want(resource)), 1);
     await settle();
@@ -183,6 +184,36 @@ describe("Loader", () => {
       expect(asked.length).toBe(n);
       loader.install(1e9);
     }
+  });
+
+  it("asks for one request at a time of a server with batches when nothing fits", async () => {
+    const asked = serve((key) =>
+      key === "world.json" ? new Response("{}", { headers: { "Farfield-Batch": "batch" } }) : bytes(1000),
+    );
+    const { loader, fetcher } = makeLoader(1500);
+    await fetcher.manifest(new AbortController().signal);
+    loader.want(resources(100).map((resource) => want(resource)), 1);
+    await settle();
+    expect(asked.length).toBe(1 + 48);
+    loader.install(1e9);
+    await settle();
+    expect(asked.length).toBe(1 + 96);
+  });
+
+  it("goes on after a second try that was given up", async () => {
+    const asked = serve((key) => (key === "orthoview/0" && asked.length > 1 ? new Promise(() => undefined) : bytes(1000)));
+    const { loader } = makeLoader(1500, (resource, found) =>
+      resource.key === "orthoview/0"
+        ? Promise.reject(corrupt("damaged", resource.key))
+        : Promise.resolve({ size: found.length, install: () => found }),
+    );
+    const [damaged, other] = resources(2);
+    loader.want([want(damaged!), want(other!)], 1);
+    await settle();
+    expect(asked).toEqual(["orthoview/0", "orthoview/0"]);
+    loader.want([want(other!)], 2);
+    await settle();
+    expect(other!.state).toBe("ready");
   });
 
   it("uploads no more than a frame's share at a time", async () => {

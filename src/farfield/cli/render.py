@@ -46,7 +46,7 @@ LayersOption = Annotated[str, typer.Option(metavar="A,B", help="Of colour, depth
 ViewsOption = Annotated[int, typer.Option(metavar="N", min=1, max=26, help="Views drawn of a cell.")]
 DepthLayersOption = Annotated[int, typer.Option(metavar="1|2", min=1, max=2, help="Depth layers drawn of a view.")]
 SplatsOption = Annotated[
-    str, typer.Option(metavar="SHAPE", help="For comparison: discs, warped-discs, ellipses, connected, sphericity.")
+    str, typer.Option(metavar="SHAPE", help="Or, to compare: discs, warped-discs, ellipses, connected, sphericity.")
 ]
 BiasOption = Annotated[float, typer.Option(help="1 draws cells twice as fine, -1 twice as coarse.")]
 
@@ -73,11 +73,12 @@ def command(
 ) -> None:
     """Render WORLD, or the true picture of SOURCE, to a PNG.
 
-    Depth is written as NAME.depth.npy (metres, float32), normals as NAME.normal.png, ids as NAME.id.npy.
+    Depth is written as NAME.depth.npy (metres, float32; that of splats up to one of their pixels too far), normals as
+    NAME.normal.png, ids as NAME.id.npy.
     """
     from farfield.view.shading import Light
 
-    wanted = _layers(layers)
+    wanted, shape = _layers(layers), _splats(splats)
     width_height = size(picture_size, "--size")
     camera = _camera(eye, target, fov, width_height)
     azimuth, elevation = numbers(sun, 2, "--sun")
@@ -86,7 +87,7 @@ def command(
         picture = _of_world(
             place, camera, width_height, light, _grid(samples or SAMPLES_OF_WORLDS), wanted,
             views=views, layers=depth_layers, bias=bias, near_radius=near_radius, far_only=far_only,
-            splats=_splats(splats),
+            splats=shape,
         )  # fmt: skip
     else:
         left_out = _left_out(cells_from, camera, width_height, near_radius) if far_only else None

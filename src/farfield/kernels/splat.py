@@ -192,7 +192,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
                 ux = vy = pitch * shrunk * focal * inverse * (_ROOT_HALF if shape == DISCS else _F1)
                 uy = vx = ud = vd = _F0
             if shape == WARPED_DISCS:
-                ux = vy = math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))
+                ux, uy, vx, vy = ux + vx, uy + vy, ux - vx, uy - vy
+                ux = vy = _ROOT_HALF * math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))
                 uy = vx = ud = vd = _F0
             determinant = ux * vy - vx * uy
             area = _HALF_PI * abs(determinant)
@@ -221,7 +222,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             x0 = math.floor(sx)
             y0 = math.floor(sy)
             if area < _F1:
-                chance = _thin_chance(abs(determinant) / (shrunk * shrunk), coverage[j, i])
+                whole = abs(determinant) / (shrunk * shrunk)
+                chance = _thin_chance(whole + whole if shape == DISCS else whole, coverage[j, i])
                 if (
                     0 <= x0 < width and 0 <= y0 < height and front < frame_depth[y0, x0]
                     and np.float32(_lattice_hash(row_hash, (lattice_x + i) & 0xFFFFFFFF)) * _HASH_UNIT < chance

@@ -61,7 +61,8 @@ class Picture:
     def save(self, path: Path, sky: NDArray[np.floating] | None, layers: tuple[str, ...] = ("colour",)) -> list[Path]:
         """Writes the colour as PNG to `path` and the other layers beside it; returns all files written.
 
-        depth: NAME.depth.npy, float32 metres, inf = nothing. normal: NAME.normal.png, 8 bits, (n + 1) / 2, world axes.
+        depth: NAME.depth.npy, float32 metres, inf = nothing; of splats up to a pitch too far (spec/drawing.md).
+        normal: NAME.normal.png, 8 bits, (n + 1) / 2, world axes.
         id: NAME.id.npy, uint32. Raises OptionError for an unknown layer or one that was not rendered.
         """
         written = []

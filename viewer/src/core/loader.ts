@@ -2,7 +2,7 @@ import { Cache } from "./cache.js";
 import { asFarfieldError, type FarfieldError } from "./errors.js";
 import type { Resource } from "./resource.js";
 import type { Server, Servers } from "./servers.js";
-import { Sizes } from "./sizes.js";
+import { Sizes, SURE } from "./sizes.js";
 import { valueOf, type Found } from "./source.js";
 import { URGENCY, type Want } from "./wants.js";
 
@@ -35,9 +35,6 @@ const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
 /** Values under way and decoded but not uploaded, of all servers together; more would only grow old. */
 const UNDER_WAY = 128;
-/** Share of the budget that guessed sizes may fill: single tiles are larger than guessed, and without it 0.8 % too much was held. */
-const SURE = 0.95;
-
 /** What is under way from one server. */
 interface Request {
   readonly server: Server;
@@ -52,7 +49,9 @@ export class Loader {
   /** The same by server. */
   private queues: ReadonlyMap<Server, readonly Want[]> = new Map();
   private plan = 0;
-  /** Bytes of what the plan uses and of what is under way, as far as can be told. */
+  /** Bytes of what is under way, as far as can be told. */
+  private coming = 0;
+  /** Bytes of what the plan uses, there or under way. */
   private taken = 0;
   private readonly requests = new Map<AbortController, Request>();
   private readonly loading = new Map<Resource, AbortController>();
@@ -121,7 +120,8 @@ export class Loader {
     const { length } = this.servers.all;
     const most = Math.min(REQUESTS, Math.max(2, Math.floor(REQUESTS_TO_ALL / length)));
     this.taken = this.cache.inUse(this.plan);
-    for (const resource of this.loading.keys()) this.taken += this.sizes.of(resource);
+    this.coming = 0;
+    for (const resource of this.loading.keys()) this.expect(resource);
     for (const [server, wants] of this.queues) this.ask(server, wants, most, UNDER_WAY / length);
   }
 
@@ -129,6 +129,8 @@ export class Loader {
   private ask(server: Server, wants: readonly Want[], requests: number, values: number): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
     let free = requests - asked.length;
+    // What fits nowhere still comes, a request at a time: it may be that all that stands in its way waits for it.
+    let alone = this.ready.size === 0 && ![...this.loading.keys()].some((resource) => this.serverOf(resource) === server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.underWay < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
@@ -137,17 +139,18 @@ export class Loader {
       for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
         const { resource, urgency } = wants[next]!;
         if (resource.state !== "absent" || !this.servers.mayAsk(resource)) continue;
-        if (!this.fits(resource, urgency, chosen.length === 0)) {
-          // What is more urgent is not to wait until smaller things have filled the room.
+        if (!this.fits(resource, urgency, alone)) {
+          // What is more urgent is not to wait until smaller things of this server have filled the room.
           if (urgency <= URGENCY.seen) break;
           continue;
         }
         chosen.push(resource);
         bytes += resource.bytes;
-        this.taken += this.sizes.of(resource);
+        this.expect(resource);
       }
       if (chosen.length === 0) return;
       left -= chosen.length;
+      alone = false;
       void this.request(server, chosen);
     }
   }
@@ -158,14 +161,20 @@ export class Loader {
     return server;
   }
 
-  /**
-   * What is needed for the picture waits until it fits beside what stands in for it, unless nothing else is under way;
-   * what is not needed comes only while there is room.
-   */
-  private fits(resource: Resource, urgency: number, first: boolean): boolean {
+  private expect(resource: Resource): void {
     const size = this.sizes.of(resource);
-    if (urgency > URGENCY.seen) return this.cache.bytes + size < this.cache.budget * 0.7;
-    return this.taken + size <= this.cache.budget * SURE || (first && this.underWay === 0);
+    this.coming += size;
+    if (resource.used >= this.plan) this.taken += size;
+  }
+
+  /**
+   * What is needed for the picture waits until it fits beside what stands in for it, unless it is alone under way from its
+   * server; what is not needed comes only while there is room.
+   */
+  private fits(resource: Resource, urgency: number, alone: boolean): boolean {
+    const size = this.sizes.of(resource);
+    if (urgency > URGENCY.seen) return this.cache.bytes + this.coming + size < this.cache.budget * 0.7;
+    return this.taken + size <= this.cache.budget * SURE || alone;
   }
 
   private async request(server: Server, resources: Resource[]): Promise<void> {
@@ -195,8 +204,9 @@ export class Loader {
       this.loading.delete(resource);
       resource.needs = null;
       resource.state = "ready";
+      const isNew = resource.size === 0;
       resource.size = prepared.size;
-      this.sizes.learn(resource);
+      if (isNew) this.sizes.learn(resource);
       this.ready.set(resource, prepared);
       this.cache.trim(this.plan, prepared.size);
       this.cache.add(resource);
@@ -235,6 +245,7 @@ export class Loader {
       if (known.tag === "missing") this.fail(resource, known);
     } finally {
       this.requests.delete(controller);
+      this.pump();
     }
   }
 

@@ -1,5 +1,5 @@
 import type { Resource } from "../core/resource.js";
-import type { Sizes } from "../core/sizes.js";
+import { SURE, type Sizes } from "../core/sizes.js";
 
 const STEP = 0.5;
 const COARSEST = 6;
@@ -16,7 +16,7 @@ export class CoarseningControl {
     let bytes = 0;
     for (const resource of wanted) if (resource.state !== "bad") bytes += this.sizes.of(resource);
     const before = this.levels;
-    if (bytes > budget) this.levels = Math.min(COARSEST, this.levels + STEP);
+    if (bytes > budget * SURE) this.levels = Math.min(COARSEST, this.levels + STEP);
     // Half a level finer is at most about twice the bytes; the rest keeps it from swinging.
     else if (bytes < budget * 0.35) this.levels = Math.max(0, this.levels - STEP);
     return this.levels > before ? "coarser" : this.levels < before ? "finer" : "same";
