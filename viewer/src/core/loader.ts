@@ -49,6 +49,8 @@ export class Loader {
   /** The same by server. */
   private queues: ReadonlyMap<Server, readonly Want[]> = new Map();
   private plan = 0;
+  /** Whether what is in the picture may go beyond the budget. */
+  private beyond = false;
   /** Bytes of what is under way, as far as can be told. */
   private coming = 0;
   /** Bytes of what the plan uses, there or under way. */
@@ -75,9 +77,10 @@ export class Loader {
 
   /**
    * Takes the wants of plan `number`, most urgent first, and what it draws meanwhile; gives up requests that none of them
-   * needs, and drops what no longer fits.
+   * needs, and drops what no longer fits. `beyond`: what is in the picture need not fit beside what it is to replace.
    */
-  want(wants: readonly Want[], number: number, drawn: Iterable<Resource> = []): void {
+  want(wants: readonly Want[], number: number, drawn: Iterable<Resource> = [], beyond = false): void {
+    this.beyond = beyond;
     this.wants = wants;
     this.queues = grouped(wants, ({ resource }) => this.serverOf(resource));
     this.plan = number;
@@ -129,7 +132,7 @@ export class Loader {
   private ask(server: Server, wants: readonly Want[], requests: number, values: number): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
     let free = requests - asked.length;
-    // What fits nowhere still comes, a request at a time: it may be that all that stands in its way waits for it.
+    // What does not fit still comes, one at a time: it may be that all that stands in its way waits for it.
     let alone = this.ready.size === 0 && ![...this.loading.keys()].some((resource) => this.serverOf(resource) === server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.underWay < UNDER_WAY; free--) {
@@ -139,7 +142,7 @@ export class Loader {
       for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
         const { resource, urgency } = wants[next]!;
         if (resource.state !== "absent" || !this.servers.mayAsk(resource)) continue;
-        if (!this.fits(resource, urgency, alone)) {
+        if (!this.fits(resource, urgency, alone && chosen.length === 0)) {
           // What is more urgent is not to wait until smaller things of this server have filled the room.
           if (urgency <= URGENCY.seen) break;
           continue;
@@ -174,7 +177,7 @@ export class Loader {
   private fits(resource: Resource, urgency: number, alone: boolean): boolean {
     const size = this.sizes.of(resource);
     if (urgency > URGENCY.seen) return this.cache.bytes + this.coming + size < this.cache.budget * 0.7;
-    return this.taken + size <= this.cache.budget * SURE || alone;
+    return this.taken + size <= this.cache.budget * SURE || alone || this.beyond;
   }
 
   private async request(server: Server, resources: Resource[]): Promise<void> {

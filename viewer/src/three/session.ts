@@ -137,7 +137,7 @@ export class Session {
     this.plan = plan;
     this.number++;
     explore(index, plan);
-    this.loader.want(joined(ahead.wants ?? [], wants), this.number, drawnBy(plan));
+    this.loader.want(joined(ahead.wants ?? [], wants), this.number, drawnBy(plan), this.next !== null);
     if (ahead.taken) this.loader.cache.dropGone();
     this.seen = seenOf(wants);
     return { picture: !before || !samePlan(plan, before), detail, generation: ahead.taken };
