@@ -35,6 +35,7 @@ const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
 /** Values under way and decoded but not uploaded, of all servers together; more would only grow old. */
 const UNDER_WAY = 128;
+
 /** What is under way from one server. */
 interface Request {
   readonly server: Server;
