@@ -50,9 +50,9 @@ GOALS = {"tokyo": (29.5, 0.07), "forest": (26.5, 0.15), "statues": (33.0, 0.042)
 """Least PSNR in dB and largest FLIP over covered pixels, from r on."""
 LESS = 1.5
 """dB by which pictures farther up may be worse."""
-VARIANTS = ((3, 1), (3, 2), (5, 1), (5, 2))
-"""Views of a cell and depth layers of a view."""
-DEFAULT = "3x2"
+VARIANTS = ("gain40", "gain20", "gain10", "gain5", "gain2", "3x1", "3x2", "5x1", "5x2")
+"""What is drawn of a cell: tiles by least gain a kilobyte, or VIEWS x LAYERS."""
+DEFAULT = "gain10"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,12 @@ class Case:
 def run(quick: bool = False) -> dict[str, Any]:
     """Figures of every scene; quick: of a few statues and trees that come with the package, in small pictures."""
     if quick:
-        return {"small": measure(small_case(Path(tempfile.mkdtemp(prefix="farfield-quality-"))), ((3, 2),))}
+        return {"small": measure(small_case(Path(tempfile.mkdtemp(prefix="farfield-quality-"))), (DEFAULT,))}
     return figures(WORK, DATA, list(GOALS), VARIANTS)
 
 
 def figures(
-    work: Path, data: Path, names: Sequence[str], variants: Sequence[tuple[int, int]], pictures: Path | None = None
+    work: Path, data: Path, names: Sequence[str], variants: Sequence[str], pictures: Path | None = None
 ) -> dict[str, Any]:
     """scene -> level -> variant -> figures, and whether the default variant meets the goals.
 
@@ -109,15 +109,22 @@ def meets(name: str, levels: dict[str, Any]) -> bool:
     )
 
 
-def measure(case: Case, variants: Sequence[tuple[int, int]], pictures: Path | None = None) -> dict[str, Any]:
-    """Variant "VIEWSxLAYERS" -> means over the cameras. pictures: where to leave side-by-side pictures."""
+def measure(case: Case, variants: Sequence[str], pictures: Path | None = None) -> dict[str, Any]:
+    """Variant -> means over the cameras. pictures: where to leave side-by-side pictures."""
     found = {}
     cache = TileCache(case.world, 2 << 30)
-    for views, layers in variants:
-        options = RenderOptions(views=views, layers=layers)
-        name = f"{views}x{layers}"
-        found[name] = summary(list(compared(case, options, cache, pictures and pictures / f"{name}.png")))
+    for name in variants:
+        pictured = pictures and pictures / f"{name}.png"
+        found[name] = summary(list(compared(case, options_of(name), cache, pictured)))
     return found
+
+
+def options_of(variant: str) -> RenderOptions:
+    """Of a variant, such as gain10 or 3x2."""
+    if variant.startswith("gain"):
+        return RenderOptions(least_gain=float(variant.removeprefix("gain")))
+    views, layers = variant.split("x")
+    return RenderOptions(views=int(views), layers=int(layers))
 
 
 def summary(rows: Sequence[dict[str, float]]) -> dict[str, float]:
@@ -206,10 +213,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--pictures", type=Path, help="where to leave pictures side by side")
     parser.add_argument("--scenes", default=",".join(GOALS))
-    parser.add_argument("--variants", default=",".join(f"{v}x{n}" for v, n in VARIANTS), help="VIEWSxLAYERS,…")
+    parser.add_argument("--variants", default=",".join(VARIANTS), help="gainPIXELS or VIEWSxLAYERS, …")
     given = parser.parse_args()
-    variants = [(int(v[0]), int(v[2])) for v in given.variants.split(",")]
-    found = figures(given.work, given.data, given.scenes.split(","), variants, given.pictures)
+    found = figures(given.work, given.data, given.scenes.split(","), given.variants.split(","), given.pictures)
     print(json.dumps(found, indent=1))
 
 

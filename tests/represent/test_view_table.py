@@ -7,16 +7,16 @@ import pytest
 
 from bake.scenes import quad_mesh
 from farfield.geometry.directions import PRINCIPAL, TOP, Direction, parse
-from farfield.kernels.coverage import greedy_cover
+from farfield.kernels.coverage import BEST, discount_hidden, greedy_cover
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.materials import MaterialTable
 from farfield.represent.orthoview.connectivity import mark_connected
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.represent.orthoview.view_table import MOST_VIEWS, choose_views
+from farfield.represent.orthoview.view_table import MOST_PICKS, MOST_VIEWS, ViewTable, choose_views
 from farfield.scene.model import Material
-from represent.plain_coverage import greedy
+from represent.plain_coverage import discounted, greedy
 
 GRID = Grid(64.0, 128, (0.0, 0.0, 0.0), (2, 2, 0))
 LEAF = CellKey(0, 1, 0, 0)
@@ -45,8 +45,23 @@ def town() -> dict[int, list[OrthoLayer]]:
     return layers
 
 
+def table_of(
+    town: dict[int, list[OrthoLayer]],
+    directions: tuple[Direction, ...],
+    sizes: dict[tuple[int, int], int] | None = None,
+) -> ViewTable:
+    """As if a valid pixel took two bytes, unless told otherwise."""
+    layers = {d.number: town[d.number] for d in directions}
+    sizes = sizes or {
+        (number, index): 2 * int(np.count_nonzero(layer.valid))
+        for number, drawn in layers.items()
+        for index, layer in enumerate(drawn)
+    }
+    return choose_views(layers, sizes, directions, GRID, LEAF)
+
+
 def chosen(town: dict[int, list[OrthoLayer]], directions: tuple[Direction, ...]) -> tuple[tuple[int, ...], ...]:
-    return choose_views({d.number: town[d.number] for d in directions}, directions, GRID, LEAF)
+    return table_of(town, directions).views
 
 
 def test_the_direction_of_the_eye_comes_first(town: dict[int, list[OrthoLayer]]) -> None:
@@ -80,21 +95,59 @@ def test_from_the_horizon_roofs_and_ground_count(town: dict[int, list[OrthoLayer
 
 
 def test_the_same_every_time(town: dict[int, list[OrthoLayer]]) -> None:
-    assert chosen(town, parse("17")) == chosen(town, parse("17"))
+    assert table_of(town, parse("17")) == table_of(town, parse("17"))
 
 
 def test_nothing_drawn_nothing_chosen() -> None:
-    assert choose_views({}, parse("5"), GRID, LEAF) == ((),) * 26
+    assert choose_views({}, {}, parse("5"), GRID, LEAF) == ViewTable(((),) * 26, ((),) * 26)
+
+
+def test_picks_are_distinct_tiles_and_add_ever_less(town: dict[int, list[OrthoLayer]]) -> None:
+    table = table_of(town, parse("17"))
+    tiles = [(n, index) for n in sorted(d.number for d in parse("17")) for index in range(len(town[n]))]
+    size = np.array([2 * np.count_nonzero(town[n][index].valid) for n, index in tiles])
+    for picks in table.picks:
+        places = [place for place, _ in picks]
+        assert 1 <= len(picks) <= MOST_PICKS
+        assert len(set(places)) == len(places)
+        worth = [gain / size[place] for place, gain in picks]
+        assert worth == sorted(worth, reverse=True)
+
+
+def test_together_picks_add_about_what_there_is_to_see(town: dict[int, list[OrthoLayer]]) -> None:
+    """From above that is about one side of the cell, less what is farther from the eye than the middle."""
+    gains = [gain for _, gain in table_of(town, parse("26")).picks[TOP]]
+    assert 0.6 < sum(gains) < 1.2
+
+
+def test_a_tile_that_costs_much_comes_later(town: dict[int, list[OrthoLayer]]) -> None:
+    directions = parse("5")
+    tiles = [(d.number, index) for d in directions for index in range(len(town[d.number]))]
+    place = tiles.index((TOP, 0))
+    alike = dict.fromkeys(tiles, 1000)
+    dear = alike | {(TOP, 0): 40_000}
+    ranks = [[p for p, _ in table_of(town, directions, sizes).picks[TOP]].index(place) for sizes in (alike, dear)]
+    assert ranks[0] == 0 < ranks[1]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_greedy_equals_plain_twin(seed: int) -> None:
+@pytest.mark.parametrize("least", [0.0, 1.0])
+def test_greedy_equals_plain_twin(seed: int, least: float) -> None:
     r = np.random.default_rng(seed)
-    nearest = r.uniform(10, 12, (3, 7, 12, 12)).astype(np.float32)
+    quality = np.where(r.random((7, 432)) < 0.3, 0, r.integers(1, BEST + 1, (7, 432))).astype(np.uint8)
+    cost = r.integers(1000, 20000, 7).astype(np.float64)
+    found, gains = np.empty(5, np.int64), np.empty(5, np.int64)
+    count = greedy_cover(quality, cost, least, found, gains)
+    pairs = list(zip(found[:count].tolist(), gains[:count].tolist(), strict=True))
+    assert pairs == greedy(quality, cost, least, 5)
+    assert 1 <= count <= 5
+
+
+def test_discount_equals_plain_twin() -> None:
+    r = np.random.default_rng(0)
+    nearest = r.uniform(10, 12, (7, 432)).astype(np.float32)
     nearest[r.random(nearest.shape) < 0.3] = 1e30
-    # Halves and quarters add up exactly, whatever the order.
-    quality = np.where(nearest < 1e30, r.integers(1, 5, nearest.shape) / 2, 0).astype(np.float32)
-    expected = greedy(nearest, quality, 0.5, 0.5, 5)
-    found = np.empty(5, np.int64)
-    count = greedy_cover(nearest, quality, np.float32(0.5), np.float32(0.5), found)
-    assert found[:count].tolist() == expected
+    quality = np.where(nearest < 1e30, r.integers(1, BEST + 1, nearest.shape), 0).astype(np.uint8)
+    expected = discounted(nearest, quality, 0.5, 0.6)
+    discount_hidden(nearest, quality, np.float32(0.5), np.float32(0.6))
+    np.testing.assert_array_equal(quality, expected)

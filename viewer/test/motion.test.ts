@@ -4,7 +4,7 @@ import { MotionQuality, type Quality } from "../src/app/motion.js";
 
 it("draws less and less while a slow card is in motion, and all once it rests", () => {
   const applied: Quality[] = [];
-  const wanted = { supersampling: 4, views: 3, layers: 2 };
+  const wanted = { supersampling: 4, leastGain: 10, layers: 2 };
   const motion = new MotionQuality(wanted, (quality) => applied.push(quality));
   motion.advance(0, false, 1, 500);
   expect(applied).toEqual([]);
@@ -12,7 +12,7 @@ it("draws less and less while a slow card is in motion, and all once it rests", 
   motion.advance(20, true, 2, 500);
   motion.advance(30, true, 3, 300);
   motion.advance(40, true, 4, 20);
-  expect(applied).toEqual([{ ...wanted, supersampling: 1 }, { supersampling: 1, views: 2, layers: 1 }]);
+  expect(applied).toEqual([{ ...wanted, supersampling: 1 }, { supersampling: 1, leastGain: 40, layers: 1 }]);
   expect(motion.reduced).toBe(true);
   motion.advance(500, false, 4, 20);
   expect(applied.at(-1)).toEqual(wanted);

@@ -1,6 +1,9 @@
 import { describe, expect, it } from "vitest";
+import { viewBin } from "../src/core/directions.js";
 import { COVERED, HOLE, HoleTable } from "../src/core/holes.js";
 import { makePlan, type Plan } from "../src/core/plan.js";
+import type { Vector3 } from "../src/core/vector.js";
+import { tilesWanted } from "../src/core/views.js";
 import { listWants, URGENCY } from "../src/core/wants.js";
 import { DIRECTIONS, hold, makeWorld, MANIFEST, tilesOf, view } from "./worlds.js";
 
@@ -52,13 +55,16 @@ describe("makePlan", () => {
     expect(drawn(plan(root, far))).toEqual(["2/0/0/0"]);
   });
 
-  it("keeps old directions until the new ones have come", () => {
+  it("keeps old tiles until the new ones have come", () => {
     const { root } = makeWorld();
-    const far = { eye: [2, 2, 500], radius: 1, choice: { views: 1, layers: 1 } };
-    hold(tilesOf(root).slice(2));
-    expect(plan(root, far).pictures[0]!.tiles.map(({ key }) => key)).toEqual(["orthoview/2/0/0/0/22/0-00"]);
-    hold(tilesOf(root).slice(0, 1));
-    expect(plan(root, far).pictures[0]!.tiles.map(({ key }) => key)).toEqual(["orthoview/2/0/0/0/4/0-00"]);
+    const [a, b, c] = tilesOf(root);
+    const far = (views: number) => ({ eye: [2, 2, 500], radius: 1, choice: { views, leastGain: 10, layers: 1 } });
+    hold([a!]);
+    expect(plan(root, far(1)).pictures[0]!.tiles).toEqual([a]);
+    hold([c!]);
+    expect(plan(root, far(3)).pictures[0]!.tiles).toEqual([a, c]);
+    hold([b!]);
+    expect(plan(root, far(3)).pictures[0]!.tiles).toEqual([a, b, c]);
   });
 
   it("draws near leaves as geometry when it is there, else from pictures", () => {
@@ -112,6 +118,32 @@ describe("listWants", () => {
     const wants = listWants([root], makePlan([root], DIRECTIONS, everything), MANIFEST, everything);
     const parents = wants.filter(({ resource, urgency }) => urgency === URGENCY.seen && resource.cell?.name === "1/0/0/0");
     expect(parents).toHaveLength(2);
+  });
+});
+
+describe("tilesWanted", () => {
+  const [FULL, TENTH, THOUSANDTH] = [8, 35, 88]; // 2^(1 - code / 8)
+  const eye: Vector3 = [2, 2, 500];
+  const ABOVE = viewBin([2, 2, 0.5], eye);
+  const picks: number[][] = new Array<number[]>(26).fill([]).with(ABOVE, [2, FULL, 0, TENTH, 1, THOUSANDTH]);
+  const { root } = makeWorld({ picks });
+  const [first, second, third] = tilesOf(root);
+  const wanted = (views: number | null, leastGain: number, layers = 2) => tilesWanted(root, DIRECTIONS, eye, { views, leastGain, layers });
+
+  it("takes what adds enough for its bytes", () => {
+    // 16 x 16 pixels a side, tiles of a kilobyte.
+    expect(root.picks[ABOVE]!.map(({ gain }) => Math.round(gain))).toEqual([256, 25, 0]);
+    expect(wanted(null, 20)).toEqual([third, first]);
+    expect(wanted(null, 0)).toEqual([third, first, second]);
+  });
+
+  it("takes the best at any price", () => {
+    expect(wanted(null, 1e6)).toEqual([third]);
+  });
+
+  it("takes a number of directions when told", () => {
+    expect(wanted(2, 10)).toEqual([first, second]);
+    expect(tilesWanted(makeWorld().root, DIRECTIONS, eye, { views: null, leastGain: 10, layers: 2 })).toHaveLength(3);
   });
 });
 

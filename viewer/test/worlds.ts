@@ -47,13 +47,13 @@ function entryOf(key: CellKey): CellEntry {
 }
 
 /** The root of that world, with nothing held, and its cells by name. */
-export function makeWorld(): { root: Cell; cells: Map<string, Cell> } {
+export function makeWorld(changes: Partial<CellEntry> = {}): { root: Cell; cells: Map<string, Cell> } {
   const entries = new Map<string, CellEntry>();
   for (let level = 0; level <= 2; level++) {
     for (let x = 0; x < 4 >> level; x++) {
       for (let y = 0; y < 4 >> level; y++) {
         const entry = entryOf({ level, x, y, z: 0 });
-        entries.set(entry.key, entry);
+        entries.set(entry.key, { ...entry, ...changes });
       }
     }
   }
@@ -84,6 +84,6 @@ export function tilesOf(cell: Cell): Resource[] {
 export function view(changes: Partial<PlanView> = {}): PlanView {
   return {
     eye: [2, 2, 0.5], frustum: EVERYWHERE, radius: 100, near: 0, farOnly: false,
-    choice: { views: 2, layers: 2 }, ...changes,
+    choice: { views: 2, leastGain: 10, layers: 2 }, ...changes,
   };
 }

@@ -51,7 +51,8 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
             error=context.grid.pitch(0),
             hash=store_tiles(context, key, tiles),
             tiles=tiles.listing(),
-            views=tiles.views,
+            views=tiles.table.views,
+            picks=tiles.picks(),
         )
         object_bytes = tiles.object_bytes
     output = content_hash(pictures.hash.encode(), geometry.hash.encode() if geometry else b"")

@@ -13,7 +13,8 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import encode_object_tile
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.represent.orthoview.tile import encode_tile
-from farfield.represent.orthoview.view_table import choose_views
+from farfield.represent.orthoview.view_table import ViewTable, choose_views
+from farfield.world.index import code_of_gain
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 
@@ -25,7 +26,7 @@ class CellTiles:
         self._key = key
         self.encoded: Tiles = {}
         self.objects: Tiles = {}
-        self.views: tuple[tuple[int, ...], ...] = ()
+        self.table = ViewTable((), ())
 
     def make(self, draw: Callable[[Direction], list[OrthoLayer]]) -> None:
         """Draws, connects and encodes every view, and chooses between them; draw: the layers of one view."""
@@ -38,7 +39,8 @@ class CellTiles:
 
         made = zip(context.directions, context.each(view, context.directions), strict=True)
         drawn = {direction.number: layers for direction, layers in made if layers}
-        self.views = choose_views(drawn, context.directions, context.grid, self._key, context.each)
+        sizes = {place: len(tile) for place, tile in self.encoded.items()}
+        self.table = choose_views(drawn, sizes, context.directions, context.grid, self._key, context.each)
 
     def _add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
         """Connects and encodes the layers of one view; object ids of the first layer only."""
@@ -54,6 +56,13 @@ class CellTiles:
     def listing(self) -> tuple[tuple[int, int, int], ...]:
         """(direction, layer, bytes) of each tile, ascending."""
         return tuple((d, i, len(self.encoded[d, i])) for d, i in sorted(self.encoded))
+
+    def picks(self) -> tuple[tuple[int, ...], ...]:
+        """For every view bin the picked tiles as the index writes them."""
+        return tuple(
+            tuple(number for place, gain in picks for number in (place, code_of_gain(gain)))
+            for picks in self.table.picks
+        )
 
     @property
     def object_bytes(self) -> int:

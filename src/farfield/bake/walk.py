@@ -58,7 +58,8 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
             error=context.grid.pitch(key.level),
             hash=store_tiles(context, key, built),
             tiles=built.listing(),
-            views=built.views,
+            views=built.table.views,
+            picks=built.picks(),
         )
         object_bytes = built.object_bytes
         tiles, objects = built.encoded, built.objects

@@ -43,7 +43,12 @@ SamplesOption = Annotated[
 ]
 TransparentOption = Annotated[bool, typer.Option("--transparent", help="Nothing instead of sky; PNG with alpha.")]
 LayersOption = Annotated[str, typer.Option(metavar="A,B", help="Of colour, depth, normal, id; written beside the PNG.")]
-ViewsOption = Annotated[int, typer.Option(metavar="N", min=1, max=26, help="Views drawn of a cell.")]
+ViewsOption = Annotated[
+    int | None, typer.Option(metavar="N", min=1, max=26, help="Views drawn of a cell; default: tiles by what they add.")
+]
+LeastGainOption = Annotated[
+    float, typer.Option(metavar="PX", min=0, help="Pixels of a view that a kilobyte of a tile must add to be drawn.")
+]
 DepthLayersOption = Annotated[int, typer.Option(metavar="1|2", min=1, max=2, help="Depth layers drawn of a view.")]
 SplatsOption = Annotated[
     str, typer.Option(metavar="SHAPE", help="Or, to compare: discs, warped-discs, ellipses, connected, sphericity.")
@@ -65,7 +70,8 @@ def command(
     samples: SamplesOption = None,
     transparent: TransparentOption = False,
     layers: LayersOption = "colour",
-    views: ViewsOption = 3,
+    views: ViewsOption = None,
+    least_gain: LeastGainOption = 10.0,
     depth_layers: DepthLayersOption = 2,
     bias: BiasOption = 0.0,
     splats: SplatsOption = "covered",
@@ -86,8 +92,8 @@ def command(
     if _is_world(place):
         picture = _of_world(
             place, camera, width_height, light, _grid(samples or SAMPLES_OF_WORLDS), wanted,
-            views=views, layers=depth_layers, bias=bias, near_radius=near_radius, far_only=far_only,
-            splats=shape,
+            views=views, least_gain=least_gain, layers=depth_layers, bias=bias, near_radius=near_radius,
+            far_only=far_only, splats=shape,
         )  # fmt: skip
     else:
         left_out = _left_out(cells_from, camera, width_height, near_radius) if far_only else None

@@ -1,7 +1,7 @@
-"""Which views show what an eye sees of a cell: visibility by small pictures, then a greedy cover (OV 5.1).
+"""Which tiles show what an eye sees of a cell: visibility by small pictures, then a greedy cover (OV 5.1).
 
-Samples of all views of a cell are drawn as points into one small picture a view; a view shows a picture pixel when
-its nearest sample there lies about as near as that of any view.
+Samples of all tiles of a cell are drawn as points into one small picture a tile; a tile shows a picture pixel when
+its nearest sample there lies about as near as that of any tile.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from farfield.kernels.splat import STEEPEST
 
 _F0, _F1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _NOTHING = np.float32(1e30)
+BEST = 250
+"""Quality of a surface that is seen as well as it can be."""
+_BEST = np.float32(BEST)
 _STEEPEST = np.float32(STEEPEST)
 _U8_2 = types.Array(types.uint8, 2, "C", readonly=True)
 _U8_3 = types.Array(types.uint8, 3, "C", readonly=True)
@@ -75,24 +78,24 @@ def _worth(sample, towards, ex, ey, ez):  # type: ignore[no-untyped-def]
 
 @kernel(
     types.void(_F32, types.Array(types.int64, 1, "C", readonly=True), _F32, _F32, types.float32, types.float32,
-               types.float32[:, :, ::1], types.float32[:, :, ::1])
+               types.int64, types.float32[:, :, :, ::1], types.uint8[:, :, :, ::1])
 )  # fmt: skip
-def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, quality):  # type: ignore[no-untyped-def]
-    """Draws the samples of every view into its small picture.
+def draw_samples(samples, starts, towards, camera, focal, spacing, eye, nearest, quality):  # type: ignore[no-untyped-def]
+    """Draws the samples of every tile into its small picture for one eye.
 
-    samples: (n, 8) float32, see sample_layer. starts: (views + 1,) int64, rows of each view. towards: (views, 3) unit
+    samples: (n, 8) float32, see sample_layer. starts: (tiles + 1,) int64, rows of each tile. towards: (tiles, 3) unit
     vectors to the canonical cameras. camera: (4, 3) float32, rows eye (metres from the middle), right, down, forward.
-    focal: picture pixels that one metre at one metre covers. spacing: metres between samples.
-    nearest: (views, p, p) float32 metres along the view axis, 1e30 = nothing; quality: (views, p, p) float32.
+    focal: picture pixels that one metre at one metre covers. spacing: metres between samples. eye: which picture.
+    nearest: (tiles, eyes, p, p) float32 metres along the view axis, 1e30 = nothing; quality: the same uint8, 0..BEST.
     """
-    views, size, _ = nearest.shape
+    tiles, _, size, _ = nearest.shape
     middle = np.float32(size) * _HALF
-    for view in range(views):
+    for tile in range(tiles):
         for p in range(size):
             for q in range(size):
-                nearest[view, p, q] = _NOTHING
-                quality[view, p, q] = _F0
-        for k in range(starts[view], starts[view + 1]):
+                nearest[tile, eye, p, q] = _NOTHING
+                quality[tile, eye, p, q] = 0
+        for k in range(starts[tile], starts[tile + 1]):
             ex = camera[0, 0] - samples[k, 0]
             ey = camera[0, 1] - samples[k, 1]
             ez = camera[0, 2] - samples[k, 2]
@@ -106,58 +109,62 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, nearest, qual
             x = middle - (camera[1, 0] * ex + camera[1, 1] * ey + camera[1, 2] * ez) * scale
             y = middle - (camera[2, 0] * ex + camera[2, 1] * ey + camera[2, 2] * ez) * scale
             away = math.sqrt(ex * ex + ey * ey + ez * ez)
-            worth = _worth(samples[k], towards[view], ex / away, ey / away, ez / away)
+            worth = np.uint8(_BEST * _worth(samples[k], towards[tile], ex / away, ey / away, ez / away) + _HALF)
             reach = max(_HALF, _HALF * spacing * scale)
             left, right = max(0, math.floor(x - reach + _HALF)), min(size, math.floor(x + reach + _HALF))
             top, bottom = max(0, math.floor(y - reach + _HALF)), min(size, math.floor(y + reach + _HALF))
             for q in range(top, bottom):
                 for p in range(left, right):
-                    if d < nearest[view, q, p]:
-                        nearest[view, q, p] = d
-                        quality[view, q, p] = worth
+                    if d < nearest[tile, eye, q, p]:
+                        nearest[tile, eye, q, p] = d
+                        quality[tile, eye, q, p] = worth
+
+
+@kernel(types.void(types.float32[:, ::1], types.uint8[:, ::1], types.float32, types.float32))
+def discount_hidden(nearest, quality, tolerance, behind):  # type: ignore[no-untyped-def]
+    """Lowers the quality of what another tile hides.
+
+    nearest: (tiles, m) float32, quality: (tiles, m) uint8, written. tolerance: metres behind the nearest of all tiles
+    that still count as visible. behind: what a hidden surface counts, of its quality: it fills a hole, if with the
+    wrong thing.
+    """
+    tiles, pixels = nearest.shape
+    for at in range(pixels):
+        front = _NOTHING
+        for tile in range(tiles):
+            front = min(front, nearest[tile, at])
+        for tile in range(tiles):
+            if nearest[tile, at] > front + tolerance:
+                quality[tile, at] = np.uint8(np.float32(quality[tile, at]) * behind)
 
 
 @kernel(
-    types.int64(
-        types.float32[:, :, :, ::1], types.float32[:, :, :, ::1], types.float32, types.float32, types.int64[::1]
-    ),
+    types.int64(types.uint8[:, ::1], types.Array(types.float64, 1, "C", readonly=True), types.float64,
+                types.int64[::1], types.int64[::1]),
     allocates=True,
 )  # fmt: skip
-def greedy_cover(nearest, quality, tolerance, behind, chosen):  # type: ignore[no-untyped-def]
-    """Chooses views one after the other, each the one that adds most; returns how many add anything.
+def greedy_cover(quality, cost, least, chosen, gains):  # type: ignore[no-untyped-def]
+    """Chooses one after the other, each the one that adds most for what it costs; returns how many.
 
-    nearest, quality: (eyes, views, p, p) float32, for each eye as draw_samples leaves them; quality is written.
-    tolerance: metres behind the nearest of all views that still count as visible. behind: what a hidden surface counts,
-    of its quality: it fills a hole, if with the wrong thing. chosen: (m,) int64, written. Ties go to the earlier view.
+    quality: (things, m) uint8. cost: (things,) float64. least: gain per cost from which a thing is worth taking; the
+    first is taken if it adds anything. chosen: (k,) int64, written; gains: (k,) int64, written: what each adds, a sum
+    of qualities. Ties go to the earlier thing.
     """
-    eyes, views, size, _ = nearest.shape
-    best = np.zeros((eyes, size, size), np.float32)
-    for eye in range(eyes):
-        for p in range(size):
-            for q in range(size):
-                front = _NOTHING
-                for view in range(views):
-                    front = min(front, nearest[eye, view, p, q])
-                for view in range(views):
-                    if nearest[eye, view, p, q] > front + tolerance:
-                        quality[eye, view, p, q] *= behind
+    things, pixels = quality.shape
+    best = np.zeros(pixels, np.uint8)
     for place in range(chosen.size):
-        most, winner = _F0, -1
-        for view in range(views):
-            gain = _F0
-            for eye in range(eyes):
-                for p in range(size):
-                    for q in range(size):
-                        gain += max(_F0, quality[eye, view, p, q] - best[eye, p, q])
-            if gain > most:
-                most, winner = gain, view
-        if winner < 0:
+        most, won, winner = 0.0, 0, -1
+        for thing in range(things):
+            gain = 0
+            for at in range(pixels):
+                gain += np.int32(max(quality[thing, at], best[at])) - np.int32(best[at])
+            if gain > most * cost[thing]:
+                most, won, winner = gain / cost[thing], gain, thing
+        if winner < 0 or (place > 0 and most < least):
             return place
-        chosen[place] = winner
-        for eye in range(eyes):
-            for p in range(size):
-                for q in range(size):
-                    best[eye, p, q] = max(best[eye, p, q], quality[eye, winner, p, q])
+        chosen[place], gains[place] = winner, won
+        for at in range(pixels):
+            best[at] = max(best[at], quality[winner, at])
     return chosen.size
 
 

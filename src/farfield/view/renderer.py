@@ -22,19 +22,23 @@ from farfield.view.near import NearGeometry
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.splats import Splats
-from farfield.view.tiles import TileCache, Wanted, places_of
+from farfield.view.tiles import Place, TileCache, Wanted, places_of
 from farfield.world.index import CellEntry
 from farfield.world.world import World
 
-DEFAULT_VIEWS = 3
+DEFAULT_LEAST_GAIN = 10.0
+VIEWS_WITHOUT_PICKS = 3
+"""Directions drawn of a cell whose index picks no tiles, when no number is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
 class RenderOptions:
     """How a world is drawn."""
 
-    views: int = DEFAULT_VIEWS
-    """Directions drawn of each cell."""
+    views: int | None = None
+    """Directions drawn of each cell; None: the tiles that the index picks, down to `least_gain`."""
+    least_gain: float = DEFAULT_LEAST_GAIN
+    """Pixels of a view that a kilobyte of a picked tile must add."""
     layers: int = 2
     """Depth layers drawn of each direction, as far as they exist."""
     supersampling: int = 4
@@ -177,8 +181,7 @@ class _Drawing:
         return float((gap * gap).sum())
 
     def _wanted(self, entry: CellEntry) -> Wanted:
-        directions = chosen_directions(self._world, entry, self._eye, self._options)
-        return Wanted(entry.cell, places_of(entry, directions, self._options.layers))
+        return Wanted(entry.cell, chosen_tiles(self._world, entry, self._eye, self._options))
 
     def _stand_in(self, key: CellKey) -> None:
         """Draws the nearest ancestor that can be read, clipped to the cell's box."""
@@ -206,13 +209,32 @@ class _Drawing:
         self._orthoviews += len({d for d, _ in cell.places})
 
 
-def chosen_directions(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> list[int]:
+def chosen_tiles(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> tuple[Place, ...]:
+    """The tiles to draw a cell from, best first (spec/drawing.md, Which tiles)."""
+    if entry.picks and options.views is None and not options.nearest_by_angle:
+        return _picked(entry, view_bin(np.array(entry.bounds).mean(0), eye), world.grid.resolution, options)
+    return places_of(entry, _directions(world, entry, eye, options), options.layers)
+
+
+def _picked(entry: CellEntry, from_bin: int, resolution: int, options: RenderOptions) -> tuple[Place, ...]:
+    """The best of those that are drawn at all, and the others that add enough for their bytes."""
+    places: list[Place] = []
+    for place, gain in entry.picks_from(from_bin):
+        direction, layer, size = entry.tiles[place]
+        enough = gain * resolution**2 * 1000 >= options.least_gain * size
+        if layer < options.layers and (enough or not places):
+            places.append((direction, layer))
+    return tuple(places)
+
+
+def _directions(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> list[int]:
     """Numbers of the directions to draw a cell from, best first: from its table, or else the nearest by angle."""
+    views = VIEWS_WITHOUT_PICKS if options.views is None else options.views
     middle = np.array(entry.bounds).mean(0)
     if entry.views and not options.nearest_by_angle:
-        return list(entry.views[view_bin(middle, eye)][: options.views])
+        return list(entry.views[view_bin(middle, eye)][:views])
     towards = eye - middle
     there = {d for d, _, _ in entry.tiles}
     directions = [d for d in world.manifest.direction_by_number.values() if d.number in there]
     directions.sort(key=lambda d: (-float((towards * np.array(d.vector)).sum()), d.number))
-    return [d.number for d in directions[: options.views]]
+    return [d.number for d in directions[:views]]

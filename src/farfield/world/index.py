@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from typing import Annotated
@@ -12,7 +13,7 @@ from msgspec import Meta
 from farfield.errors import CorruptTileError, OptionError
 from farfield.inflate import inflate
 from farfield.octree.grid import CellKey
-from farfield.world.limits import DAMAGE, Count, DirectionNumber, Hash, HashOrNone, LayerNumber, is_box
+from farfield.world.limits import DAMAGE, Count, DirectionNumber, Hash, HashOrNone, LayerNumber, PickNumber, is_box
 from farfield.world.limits import Bounds as Bounds
 
 _HEADER = struct.Struct("<4sHHII")
@@ -20,6 +21,8 @@ _MAGIC = b"FFIX"
 _VERSION = 1
 MAXIMUM_BYTES = 64 << 20
 """An index tile never unpacks to more than this."""
+WORST_CODE = 255
+"""Of the gain of a picked tile; 0 is the best."""
 _HINT = "run farfield verify"
 
 
@@ -47,10 +50,20 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     """(direction, layer, bytes) of each orthoview tile."""
     views: Annotated[tuple[Annotated[tuple[DirectionNumber, ...], Meta(max_length=256)], ...], Meta(max_length=26)] = ()
     """For each of 26 view bins the directions to draw, best first."""
+    picks: Annotated[tuple[Annotated[tuple[PickNumber, ...], Meta(max_length=1024)], ...], Meta(max_length=26)] = ()
+    """For each of 26 view bins (place in `tiles`, code of what it adds) of the tiles to draw, flat, best first."""
     children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
     index: HashOrNone = ""
     geometry: GeometryEntry | None = None
     output: HashOrNone = ""
+
+    def picks_from(self, view_bin: int) -> list[tuple[int, float]]:
+        """(place in `tiles`, gain) of each tile picked for a view bin, best first.
+
+        Gain: what it adds to those before it, as a share of the area of a side of the cell.
+        """
+        flat = self.picks[view_bin] if self.picks else ()
+        return [(place, gain_of_code(code)) for place, code in zip(flat[::2], flat[1::2], strict=True)]
 
     @property
     def cell(self) -> CellKey:
@@ -63,6 +76,16 @@ class IndexTile(msgspec.Struct, frozen=True):
 
     root: str
     cells: tuple[CellEntry, ...]
+
+
+def gain_of_code(code: int) -> float:
+    """What a tile adds, as a share of the area of a side of its cell (spec/world.md)."""
+    return math.exp2(1 - code / 8)
+
+
+def code_of_gain(share: float) -> int:
+    """The code nearest to a gain, 0 to WORST_CODE."""
+    return min(max(round(8 * (1 - math.log2(share))), 0), WORST_CODE) if share > 0 else WORST_CODE
 
 
 def encode_index(tile: IndexTile) -> bytes:
@@ -117,10 +140,18 @@ def _check_cells(tile: IndexTile, where: str) -> None:
             and is_box(entry.bounds)
             and len(set(children)) == len(children)
             and all(_may_be_below(child, entry.cell) for child in children)
+            and all(_are_picks(picks, len(entry.tiles)) for picks in entry.picks)
             and (entry.index or names.issuperset(entry.children))
         )
         if not sane:
             raise CorruptTileError(f"index tile tells what cannot be of cell {entry.key}", where, _HINT)
+
+
+def _are_picks(picks: tuple[int, ...], tiles: int) -> bool:
+    """Whether they come in pairs, name tiles that exist, each once, and codes of gains."""
+    places, codes = picks[::2], picks[1::2]
+    each_once = len(set(places)) == len(places) == len(codes)
+    return each_once and all(place < tiles for place in places) and all(code <= WORST_CODE for code in codes)
 
 
 def _may_be_below(child: CellKey, cell: CellKey) -> bool:

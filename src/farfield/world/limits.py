@@ -25,6 +25,8 @@ Bounds = tuple[Vector, Vector]
 Count = Annotated[int, Meta(ge=0, le=1 << 53)]
 """Up to what a double holds exactly: the viewer has no other numbers."""
 DirectionNumber = Annotated[int, Meta(ge=0, le=255)]
+PickNumber = Annotated[int, Meta(ge=0, le=511)]
+"""Place of a tile in its cell's list, or code of a gain."""
 LayerNumber = Annotated[int, Meta(ge=0, le=1)]
 
 

@@ -81,8 +81,8 @@ export class Application {
 
   setOptions(changes: OptionChanges): void {
     this.world.setOptions(this.motion.reduced ? { ...this.motion.wanted, ...changes } : changes);
-    const { supersampling, views, layers } = this.world.options;
-    this.motion.wanted = { supersampling, views, layers };
+    const { supersampling, leastGain, layers } = this.world.options;
+    this.motion.wanted = { supersampling, leastGain, layers };
     this.panel?.refresh();
     if (changes.light) this.rememberSoon();
   }

@@ -5,13 +5,13 @@ const SLOW_MS = 60;
 const REST_MS = 250;
 
 /** What a person asked for, and what is less of it. */
-export type Quality = Pick<WorldOptions, "supersampling" | "views" | "layers">;
+export type Quality = Pick<WorldOptions, "supersampling" | "leastGain" | "layers">;
 
 /** From full quality to the least; each step needs nothing that the one before did not fetch. */
 const STEPS: readonly ((wanted: Quality) => Quality)[] = [
   (wanted) => wanted,
   (wanted) => ({ ...wanted, supersampling: 1 }),
-  ({ views }) => ({ supersampling: 1, views: Math.min(views, 2), layers: 1 }),
+  ({ leastGain }) => ({ supersampling: 1, leastGain: 4 * leastGain, layers: 1 }),
 ];
 
 /** Draws less while a slow card is in motion, and everything once it rests. */

@@ -1,6 +1,9 @@
 import type { OptionChanges, WorldOptions } from "../three/options.js";
 import type { Control } from "./panel.js";
 
+/** Where the slider of tiles stands at 0. */
+const LEAST_GAIN = 10;
+
 /** What the sliders change. */
 export interface Adjustable {
   readonly world: { readonly options: WorldOptions };
@@ -31,7 +34,11 @@ export function controlsOf(page: Adjustable): { light: readonly Control[]; quali
         label: "Samples", min: 1, max: 4, step: 1, unit: "²",
         get: () => options().supersampling, set: (supersampling) => set({ supersampling }),
       },
-      { label: "Views a cell", min: 1, max: 6, step: 1, get: () => options().views, set: (views) => set({ views }) },
+      // Each step is half as many pixels that a kilobyte must add.
+      {
+        label: "Tiles a cell", min: -3, max: 3, step: 0.5,
+        get: () => -Math.log2(options().leastGain / LEAST_GAIN), set: (more) => set({ leastGain: LEAST_GAIN / 2 ** more }),
+      },
       { label: "Depth layers", min: 1, max: 2, step: 1, get: () => options().layers, set: (layers) => set({ layers }) },
       // More detail is less bias.
       { label: "Detail", min: -3, max: 2, step: 0.25, get: () => -options().bias, set: (detail) => set({ bias: -detail }) },

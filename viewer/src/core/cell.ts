@@ -4,6 +4,7 @@ import type { CellEntry, GeometryEntry } from "./indextile.js";
 import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
 import { grown, type Box } from "./vector.js";
+import type { Pick } from "./views.js";
 
 /** A splat reaches at most this many pitches from its middle. */
 const SPLAT_REACH = 4;
@@ -39,6 +40,10 @@ export class Cell {
   views: ReadonlyMap<number, CellView> = new Map();
   /** For each view bin the directions to draw, best first. */
   bins: readonly (readonly number[])[] = [];
+  /** For each view bin the tiles to draw, best first. */
+  picks: readonly (readonly Pick[])[] = [];
+  /** The tiles that it was drawn from when it was last complete. */
+  shown: readonly Resource[] = [];
   geometry: CellGeometry | null = null;
   /** Cells below that hold something, ascending; null until the index is known that far down. */
   children: readonly Cell[] | null = null;
@@ -131,8 +136,20 @@ export class Cell {
       views.set(direction, view);
     }
     this.views = views;
+    this.picks = (entry.picks ?? []).map((flat) => this.picksOf(flat, entry));
+    this.shown = this.before?.shown.filter(({ cell }) => cell === this) ?? [];
     this.describeGeometry(entry, shared, take);
     for (const resource of before.values()) resource.gone = resource.cell !== this;
+  }
+
+  private picksOf(flat: readonly number[], { tiles = [] }: CellEntry): Pick[] {
+    const picks: Pick[] = [];
+    for (let n = 0; n < flat.length; n += 2) {
+      const [direction, layer, bytes] = tiles[flat[n]!]!;
+      const pixels = 2 ** (1 - flat[n + 1]! / 8) * this.grid.resolution ** 2;
+      picks.push({ tile: this.views.get(direction)!.layers[layer]!, layer, gain: (1000 * pixels) / bytes });
+    }
+    return picks;
   }
 
   private describeGeometry({ geometry: near }: CellEntry, shared: SharedMeshes, take: Take): void {
@@ -150,8 +167,8 @@ export class Cell {
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
     if (this.views.size === 0) {
-      const { bounds, reach, views, bins, geometry } = before;
-      Object.assign(this, { bounds, reach, views, bins, geometry });
+      const { bounds, reach, views, bins, picks, shown, geometry } = before;
+      Object.assign(this, { bounds, reach, views, bins, picks, shown, geometry });
       for (const resource of before.resources) resource.moveTo(this);
     }
     this.readHash = before.readHash;

@@ -10,6 +10,8 @@ const MAGIC = 0x58494646; // "FFIX"
 /** Version 1, and a reserved zero. */
 const VERSION = 1;
 const MAXIMUM_BYTES = 64 << 20;
+/** Of the gain of a picked tile; 0 is the best. */
+const WORST_CODE = 255;
 
 /** Near geometry of a leaf. */
 export interface GeometryEntry {
@@ -31,6 +33,8 @@ export interface CellEntry {
   readonly tiles?: readonly (readonly [number, number, number])[];
   /** For each of 26 view bins the directions to draw, best first. */
   readonly views?: readonly (readonly number[])[];
+  /** For each of 26 view bins (place in `tiles`, code of what it adds) of the tiles to draw, flat, best first. */
+  readonly picks?: readonly (readonly number[])[];
   readonly children?: readonly string[];
   readonly index?: string;
   readonly geometry?: GeometryEntry | null;
@@ -80,12 +84,12 @@ function parse(text: string, where: string): Json {
 /** Throws `corrupt` unless every member is of its type and within its limits: what draws a frame does not look again. */
 function checkCell(cell: unknown, where: string): void {
   if (!isObject(cell) || typeof cell["key"] !== "string") throw corrupt("index tile tells of no cell", where);
-  const { key, bounds, error, hash = "", tiles = [], views = [], children = [], index = "", geometry = null } = cell;
+  const { key, bounds, error, hash = "", tiles = [], views = [], picks = [], children = [], index = "", geometry = null } = cell;
   const { level } = parseKey(key as string);
   const sane =
     isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) &&
     isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) &&
-    isList(children, isString, 8) && new Set(children).size === children.length &&
+    isList(picks, (bin) => arePicks(bin, tiles.length), 26) && isList(children, isString, 8) && new Set(children).size === children.length &&
     children.every((child) => parseKey(child).level === level - 1);
   if (!sane) throw corrupt(`index tile tells what cannot be of cell ${String(key)}`, where);
 }
@@ -104,6 +108,18 @@ function isDirection(value: unknown): value is number {
 
 function isBin(value: unknown): value is readonly number[] {
   return isList(value, isDirection, 256);
+}
+
+/** Whether they come in pairs, name tiles that exist, each once, and codes of gains. */
+function arePicks(value: unknown, tiles: number): value is readonly number[] {
+  if (!isList(value, isPickNumber, 1024) || value.length % 2 !== 0) return false;
+  const places = value.filter((_, n) => n % 2 === 0);
+  const codes = value.filter((_, n) => n % 2 === 1);
+  return new Set(places).size === places.length && places.every((place) => place < tiles) && codes.every((code) => code <= WORST_CODE);
+}
+
+function isPickNumber(value: unknown): value is number {
+  return isCount(value, 511);
 }
 
 function isTile(value: unknown): value is readonly [number, number, number] {

@@ -5,7 +5,7 @@ import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
 import type { Vector3 } from "./vector.js";
-import { layersOf, rankedViews, viewsWanted, type ViewChoice } from "./views.js";
+import { tilesWanted, type ViewChoice } from "./views.js";
 
 /** Where the eye is and what it asks for. */
 export interface PlanView {
@@ -99,31 +99,27 @@ class Planner {
     );
   }
 
-  /** Draws a cell from pictures for its `holes` if enough of its views are held. */
+  /**
+   * Draws a cell from pictures for its `holes` if all its tiles are held; or else, while they come in, from those it was
+   * drawn from the last time and what has come.
+   */
   private draw(cell: Cell, holes: Holes): boolean {
-    const wanted = viewsWanted(cell, this.view.eye, this.view.choice);
-    const tiles: Resource[] = [];
-    let views = 0;
-    for (const view of rankedViews(cell, this.directions, this.view.eye)) {
-      const layers = layersOf(view, this.view.choice);
-      if (views === wanted || !layers.every((tile) => tile.held)) continue;
-      tiles.push(...layers);
-      views++;
-    }
-    if (views < wanted || views === 0) return false;
-    this.add(cell, tiles, holes);
+    const wanted = tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
+    if (wanted.length === 0) return false;
+    const there = wanted.filter(({ held }) => held);
+    if (there.length === wanted.length) cell.shown = wanted;
+    else if (cell.shown.length === 0 || !cell.shown.every(({ held }) => held)) return false;
+    this.add(cell, there.length === wanted.length ? wanted : [...new Set([...there, ...cell.shown])], holes);
     return true;
   }
 
   /** The last resort, where no ancestor is left to stand in: the tiles that are held, complete or not. */
   private drawWhatIsThere(cell: Cell, holes: Holes): void {
-    const tiles = rankedViews(cell, this.directions, this.view.eye)
-      .flatMap((view) => layersOf(view, this.view.choice))
-      .filter((tile) => tile.held);
+    const tiles = tilesWanted(cell, this.directions, this.view.eye, this.view.choice).filter(({ held }) => held);
     if (tiles.length > 0) this.add(cell, tiles, holes);
   }
 
-  private add(cell: Cell, tiles: Resource[], holes: Holes): void {
+  private add(cell: Cell, tiles: readonly Resource[], holes: Holes): void {
     if (this.roles.get(cell) !== "picture") this.standIns++;
     this.pictures.push({ cell, tiles, holes });
   }

@@ -1,38 +1,52 @@
 import type { Cell, CellView } from "./cell.js";
 import { viewBin } from "./directions.js";
 import type { Direction } from "./manifest.js";
+import type { Resource } from "./resource.js";
 import { dot, middleOf, type Vector3 } from "./vector.js";
 
 /** How much of each cell is drawn. */
 export interface ViewChoice {
-  /** Directions a cell. */
-  readonly views: number;
+  /** Directions a cell; null: the tiles that the index picks. */
+  readonly views: number | null;
+  /** Pixels of a view that a kilobyte of a picked tile must add. */
+  readonly leastGain: number;
   /** Depth layers a direction: 1 or 2. */
   readonly layers: number;
 }
 
-/**
- * All views of a cell in the order in which they serve the eye: first the list of its view bin, then the others by angle
- * (spec/drawing.md, Which tiles).
- */
-export function rankedViews(cell: Cell, directions: ReadonlyMap<number, Direction>, eye: Vector3): CellView[] {
+/** A tile that is picked for a view bin. */
+export interface Pick {
+  readonly tile: Resource;
+  readonly layer: number;
+  /** Pixels of a view that it adds to those before it, a kilobyte. */
+  readonly gain: number;
+}
+
+/** Directions of a cell for which the index picks no tiles. */
+const VIEWS_WITHOUT_PICKS = 3;
+
+/** The tiles to draw a cell from, best first (spec/drawing.md, Which tiles). */
+export function tilesWanted(cell: Cell, directions: ReadonlyMap<number, Direction>, eye: Vector3, choice: ViewChoice): readonly Resource[] {
+  const bin = viewBin(middleOf(cell.bounds), eye);
+  const picks = choice.views === null ? cell.picks[bin] : undefined;
+  if (picks) return picked(picks, choice);
+  const views = viewsFrom(cell, bin, directions, eye).slice(0, choice.views ?? VIEWS_WITHOUT_PICKS);
+  return views.flatMap(({ layers }) => layers.filter((layer, number) => layer !== undefined && number < choice.layers));
+}
+
+function picked(picks: readonly Pick[], { layers, leastGain }: ViewChoice): Resource[] {
+  return picks
+    .filter(({ layer }) => layer < layers)
+    .filter(({ gain }, place) => place === 0 || gain >= leastGain)
+    .map(({ tile }) => tile);
+}
+
+/** The views that the cell lists for the bin; of a cell without lists all, by angle. */
+function viewsFrom(cell: Cell, bin: number, directions: ReadonlyMap<number, Direction>, eye: Vector3): CellView[] {
+  const listed = cell.bins[bin] ?? [];
+  if (listed.length > 0) return listed.flatMap((direction) => cell.views.get(direction) ?? []);
   const middle = middleOf(cell.bounds);
-  const listed = cell.bins[viewBin(middle, eye)] ?? [];
   const towards: Vector3 = [eye[0] - middle[0], eye[1] - middle[1], eye[2] - middle[2]];
   const cosine = ({ direction }: CellView): number => dot(directions.get(direction)?.vector ?? [0, 0, 0], towards);
-  const first = listed.flatMap((direction) => cell.views.get(direction) ?? []);
-  const rest = [...cell.views.values()].filter((view) => !listed.includes(view.direction));
-  rest.sort((a, b) => cosine(b) - cosine(a) || a.direction - b.direction);
-  return [...first, ...rest];
-}
-
-/** How many of the ranked views are to be drawn: no more than the bin lists, where it lists any. */
-export function viewsWanted(cell: Cell, eye: Vector3, choice: ViewChoice): number {
-  const listed = cell.bins[viewBin(middleOf(cell.bounds), eye)]?.length ?? 0;
-  return Math.min(choice.views, listed || cell.views.size);
-}
-
-/** The layers of a view that are drawn. */
-export function layersOf(view: CellView, choice: ViewChoice): CellView["layers"] {
-  return view.layers.filter((layer, number) => layer !== undefined && number < choice.layers);
+  return [...cell.views.values()].sort((a, b) => cosine(b) - cosine(a) || a.direction - b.direction);
 }

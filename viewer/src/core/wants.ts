@@ -4,7 +4,7 @@ import type { Manifest } from "./manifest.js";
 import type { Plan, PlanView } from "./plan.js";
 import type { Resource } from "./resource.js";
 import { distanceTo } from "./vector.js";
-import { layersOf, rankedViews, viewsWanted } from "./views.js";
+import { tilesWanted } from "./views.js";
 
 /** Why something is wanted; the lower the number, the sooner it is fetched. */
 export const URGENCY = {
@@ -48,8 +48,7 @@ export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest
     }
   };
   const addPictures = (cell: Cell, urgency: number): void => {
-    const ranked = rankedViews(cell, manifest.directions, view.eye).slice(0, viewsWanted(cell, view.eye, view.choice));
-    const tiles = ranked.flatMap((ranking) => layersOf(ranking, view.choice));
+    const tiles = tilesWanted(cell, manifest.directions, view.eye, view.choice);
     add(tiles, cell, urgency);
     if (cell.parent && tiles.some(lacks)) addPictures(cell.parent, urgency);
   };

@@ -4,8 +4,10 @@ import { DEFAULT_LIGHT, DEFAULT_SKY, type Light } from "./light.js";
 export interface WorldOptions {
   /** Samples a side for each pixel, 1 to 4. */
   readonly supersampling: number;
-  /** Directions drawn a cell. */
-  readonly views: number;
+  /** Directions drawn a cell; null: the tiles that the index picks, down to `leastGain`. */
+  readonly views: number | null;
+  /** Pixels of a view that a kilobyte of a picked tile must add: less is more bytes and a better picture. */
+  readonly leastGain: number;
   /** Depth layers drawn a direction: 1 or 2. */
   readonly layers: number;
   /** Resolution bias: 1 takes cells one level coarser than the picture's pixels ask for, -1 one level finer. */
@@ -30,7 +32,8 @@ export function defaultOptions(): WorldOptions {
   const memory = (globalThis.navigator as { deviceMemory?: number } | undefined)?.deviceMemory ?? 8;
   return {
     supersampling: 2,
-    views: 3,
+    views: null,
+    leastGain: 10,
     layers: 2,
     bias: 0,
     nearRadius: null,

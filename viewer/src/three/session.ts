@@ -207,7 +207,7 @@ export class Session {
   }
 
   private viewOf(viewpoint: Viewpoint, width: number): PlanView {
-    const { bias, nearRadius, farOnly, views, layers } = this.parts.options();
+    const { bias, nearRadius, farOnly, views, leastGain, layers } = this.parts.options();
     const { leafSize, resolution } = this.index.manifest.grid;
     const radius = (leafSize * width) / (2 * resolution * viewpoint.tangent);
     return {
@@ -217,7 +217,7 @@ export class Session {
       // What is left out of a picture of the far field does not depend on the budget.
       near: (nearRadius ?? radius) / (farOnly ? 1 : 2 ** this.coarsening.levels),
       farOnly,
-      choice: { views, layers },
+      choice: { views, leastGain, layers },
     };
   }
 }
