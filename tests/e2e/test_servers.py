@@ -258,7 +258,7 @@ def test_a_server_that_goes_while_the_page_is_open(
     for number in range(COUNT):
         site.start(number)
     page = visit(site.address(0), expect_errors=True)
-    page.options(nearRadius=0, cacheBytes=2 << 20)
+    page.options(nearRadius=0, cacheBytes=2 << 20, views=3)
     page.look((-400.0, -400.0, 300.0), (0.0, 0.0, 0.0))
     site.stop(1)
     page.look(*VIEWS[0])
