@@ -159,3 +159,55 @@ def test_what_is_held_is_not_fetched_again(address: str, visit: Callable[..., Vi
     for eye, target in [*CAMERAS, *CAMERAS]:
         page.look(eye, target)
     assert len(page.fetched) == len(set(page.fetched)) > 50
+
+
+LOW: list[tuple[Triple, Triple]] = [((-34.0, -30.0, 1.5), (0.0, 0.0, 2.0)), ((30.0, 2.0, 1.5), (-10.0, 8.0, 2.0))]
+
+
+@pytest.mark.parametrize("near", [0, 20])
+def test_at_rest_nothing_is_missing_that_was_left_out(address: str, visit: Callable[..., Visit], near: float) -> None:
+    """Bit for bit; drawn from another place before, or right before."""
+    page = visit(address)
+    page.options(nearRadius=near, supersampling=2)
+    less = 0
+    for eye, target in [*CAMERAS, *LOW]:
+        page.options(culling="none")
+        page.look(eye, target)
+        everything = page.picture()
+        page.options(culling="all")
+        page.look(target, eye)
+        page.look((eye[0] + 1.0, eye[1], eye[2]), target)
+        page.look(eye, target)
+        assert np.array_equal(page.picture(), everything)
+        page.do("farfield.setOptions({})")
+        page.complete()
+        assert np.array_equal(page.picture(), everything)
+        stats = page.stats()
+        assert 0 < stats["splats_drawn"] <= stats["splats_in_frustum"] <= stats["splats_in_memory"]
+        less += stats["splats_drawn"] < stats["splats_in_frustum"]
+    assert less >= 3
+
+
+def test_what_was_left_out_by_mistake_is_drawn_at_once(address: str, visit: Callable[..., Visit]) -> None:
+    page = visit(address)
+    page.options(nearRadius=0)
+    page.look(*CAMERAS[0])
+    right, frames = page.picture(), page.stats()["frames"]
+    drawn = page.do("""() => {
+      // As if a wall had stood right before the eye.
+      for (const {values} of farfield.world.session.before.levels) values.fill(0.9);
+      farfield.setOptions({});
+      return new Promise((resolve) => {
+        const {draw} = farfield.world.session;
+        farfield.world.session.draw = function (...parts) {
+          delete this.draw;
+          draw.apply(this, parts);
+          resolve(farfield.stats().splats_drawn);
+        };
+      });
+    }""")
+    assert drawn == 0
+    page.complete()
+    assert page.stats()["splats_drawn"] > 0
+    assert page.stats()["frames"] == frames + 2
+    assert np.array_equal(page.picture(), right)

@@ -106,5 +106,7 @@ def _splat_pixel(frame, layer, direction, corner, p, box, splats, j, i):
     for y in range(first[1], last[1] + 1):
         for x in range(first[0], last[0] + 1):
             alpha, beta = np.linalg.solve(T, [x + 0.5 - s[0], y + 0.5 - s[1]])
-            if alpha**2 + beta**2 <= 0.5 or (x, y) == (x0, y0):
+            if alpha**2 + beta**2 <= 0.5:
                 frame.put(x, y, max(front + (alpha * U_depth + beta * V_depth) * shrunk, front / 2), j, i)
+            elif (x, y) == (x0, y0):
+                frame.put(x, y, front, j, i)

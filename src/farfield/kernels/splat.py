@@ -246,9 +246,10 @@ def splat_layer(  # type: ignore[no-untyped-def]
                     dx = np.float32(x) + _HALF - sx
                     alpha = (vy * dx - vx * dy) * inverse_determinant
                     beta = (ux * dy - uy * dx) * inverse_determinant
-                    if alpha * alpha + beta * beta > _HALF and (x != x0 or y != y0):
+                    outside = alpha * alpha + beta * beta > _HALF
+                    if outside and (x != x0 or y != y0):
                         continue
-                    z = max(front + alpha * ud + beta * vd, _HALF * front)
+                    z = front if outside else max(front + alpha * ud + beta * vd, _HALF * front)
                     if z < frame_depth[y, x]:
                         frame_depth[y, x] = z
                         frame_surface[y, x] = surface

@@ -19,7 +19,9 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
   const levels = Object.entries(stats.cells).sort(([a], [b]) => Number(a) - Number(b));
   return {
     Frame: `${frameMs.toFixed(frameMs < 20 ? 1 : 0)} ms`,
-    Splats: count(stats.splats),
+    "Splats held": count(stats.splats_in_memory),
+    "in the frustum": count(stats.splats_in_frustum),
+    drawn: count(stats.splats_drawn),
     Triangles: count(stats.triangles),
     "Cells by level": levels.map(([level, n]) => `${level}: ${n}`).join("  ") || "–",
     "Leaves as geometry": count(stats.geometry_cells),

@@ -17,24 +17,3 @@ export function seesBox(frustum: Frustum, { lower, upper }: Box): boolean {
     return farthest + offset >= 0;
   });
 }
-
-/** A box along three orthonormal axes. */
-export interface OrientedBox {
-  readonly middle: Vector3;
-  readonly axes: readonly [Vector3, Vector3, Vector3];
-  /** Half its edges along the axes. */
-  readonly half: Vector3;
-}
-
-/** Whether some of an oriented box may be seen. */
-export function seesOrientedBox(frustum: Frustum, { middle, axes, half }: OrientedBox): boolean {
-  return frustum.every(({ normal, offset }) => {
-    let reach = offset;
-    for (let a = 0; a < 3; a++) {
-      const axis = axes[a]!;
-      reach += normal[a]! * middle[a]!;
-      reach += half[a]! * Math.abs(normal[0] * axis[0] + normal[1] * axis[1] + normal[2] * axis[2]);
-    }
-    return reach >= 0;
-  });
-}

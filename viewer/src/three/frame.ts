@@ -58,25 +58,17 @@ export class Frame {
     return size;
   }
 
+  /** Near / distance of what was drawn last, 0 where nothing is. */
+  get depth(): DepthTexture {
+    return this.target!.depthTexture!;
+  }
+
   /** Draws a scene into the frame, leaving the renderer as it was. */
   draw(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
-    const target = this.target!;
-    const before = {
-      target: renderer.getRenderTarget(),
-      autoClear: renderer.autoClear,
-      shadows: renderer.shadowMap.autoUpdate,
-      xr: renderer.xr.enabled,
-    };
-    renderer.autoClear = false;
-    renderer.shadowMap.autoUpdate = false;
-    renderer.xr.enabled = false;
-    renderer.setRenderTarget(target);
-    clear(renderer);
-    renderer.render(scene, camera);
-    renderer.setRenderTarget(before.target);
-    renderer.autoClear = before.autoClear;
-    renderer.shadowMap.autoUpdate = before.shadows;
-    renderer.xr.enabled = before.xr;
+    drawApart(renderer, this.target!, () => {
+      clear(renderer);
+      renderer.render(scene, camera);
+    });
     this.show(camera);
   }
 
@@ -100,6 +92,25 @@ export class Frame {
     (uniforms["depthOf"]!.value as Vector2).set(p[10]!, p[14]!);
     this.resolve.visible = true;
   }
+}
+
+/** Draws into a target without clearing it, and leaves the renderer as it was. */
+export function drawApart(renderer: WebGLRenderer, target: WebGLRenderTarget, draw: () => void): void {
+  const before = {
+    target: renderer.getRenderTarget(),
+    autoClear: renderer.autoClear,
+    shadows: renderer.shadowMap.autoUpdate,
+    xr: renderer.xr.enabled,
+  };
+  renderer.autoClear = false;
+  renderer.shadowMap.autoUpdate = false;
+  renderer.xr.enabled = false;
+  renderer.setRenderTarget(target);
+  draw();
+  renderer.setRenderTarget(before.target);
+  renderer.autoClear = before.autoClear;
+  renderer.shadowMap.autoUpdate = before.shadows;
+  renderer.xr.enabled = before.xr;
 }
 
 /** Nothing anywhere: transparent, and infinitely far (depth is near / distance). */

@@ -1,3 +1,4 @@
+import type { Culling } from "../core/culling.js";
 import { DEFAULT_LIGHT, DEFAULT_SKY, type Light } from "./light.js";
 
 /** How a world is shown. All may be changed at any time; none makes anything be fetched again that is still held. */
@@ -23,6 +24,11 @@ export interface WorldOptions {
   readonly cacheBytes: number;
   /** Bytes uploaded to the graphics card a frame, at most one value more. */
   readonly uploadBytes: number;
+  /**
+   * What is left out of a picture besides tiles outside it: "none"; "frustum", parts of tiles outside it; or "all", also parts that
+   * face away or are hidden. The picture is the same.
+   */
+  readonly culling: Culling;
 }
 
 const PHONE_CACHE = 192 << 20;
@@ -42,6 +48,7 @@ export function defaultOptions(): WorldOptions {
     sky: DEFAULT_SKY,
     cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
     uploadBytes: 4 << 20,
+    culling: "all",
   };
 }
 

@@ -1,23 +1,24 @@
 import { BufferGeometry, GLBufferAttribute, Sphere, type WebGLRenderer } from "three";
-import type { OrientedBox } from "../core/frustum.js";
+import type { CullableTile } from "../core/culling.js";
 import type { Grid } from "../core/grid.js";
 import type { Direction } from "../core/manifest.js";
+import { BOX, type Blocks } from "../core/orthoview/blocks.js";
 import { WORDS, type DecodedTile } from "../core/orthoview/decode.js";
+import { along, type Lattice } from "../core/projection.js";
 import type { Vector3 } from "../core/vector.js";
 
 const BYTES_A_PIXEL = WORDS * 4;
-/** Pitches that a splat reaches beyond its middle, at most, along an axis. */
-const MARGIN = 4;
+const BYTES_A_BLOCK = 48;
 
 /** One layer of an orthoview on the graphics card. */
-export class OrthoviewTile {
+export class OrthoviewTile implements CullableTile {
   readonly geometry = new BufferGeometry();
   readonly count: number;
-  readonly pitch: number;
-  readonly lattice: readonly [number, number];
-  /** Where its surfaces lie, local metres, with room for the footprints. */
-  readonly box: OrientedBox;
-  private readonly corner: Vector3;
+  /** Lattice column and row of its first pixel. */
+  readonly first: readonly [number, number];
+  readonly lattice: Lattice;
+  readonly blocks: Blocks;
+  readonly extent: Float32Array;
   private readonly buffer: WebGLBuffer;
 
   constructor(
@@ -27,13 +28,10 @@ export class OrthoviewTile {
     readonly direction: Direction,
   ) {
     this.count = tile.count;
-    this.pitch = grid.pitch(tile.level);
-    this.lattice = [tile.x, tile.y];
-    const step = this.pitch / 8;
-    const { u, v, w } = direction.axes;
-    const zero = along(grid.corner, u, v, w);
-    this.corner = [zero[0] + tile.x * this.pitch, zero[1] + tile.y * this.pitch, zero[2] + tile.depthBase * step];
-    this.box = boxOf(tile, direction, this.corner, this.pitch);
+    this.first = [tile.x, tile.y];
+    this.lattice = latticeOf(tile, direction, grid);
+    this.blocks = tile.blocks;
+    this.extent = extentOf(tile.blocks);
     const gl = renderer.getContext();
     this.buffer = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
@@ -46,9 +44,9 @@ export class OrthoviewTile {
 
   /** From the eye to the first column and row at depth code 0, in the layer's frame; computed in double precision. */
   originFrom(eye: Vector3): Vector3 {
-    const { u, v, w } = this.direction.axes;
-    const from = along(eye, u, v, w);
-    return [this.corner[0] - from[0], this.corner[1] - from[1], this.corner[2] - from[2]];
+    const { axes, corner } = this.lattice;
+    const from = along(eye, axes);
+    return [corner[0] - from[0], corner[1] - from[1], corner[2] - from[2]];
   }
 
   dispose(renderer: WebGLRenderer): void {
@@ -57,32 +55,24 @@ export class OrthoviewTile {
   }
 }
 
-/** Bytes that a decoded tile takes on the graphics card. */
+/** Bytes that a decoded tile takes on the graphics card, and its blocks beside it. */
 export function tileBytes(tile: DecodedTile): number {
-  return tile.count * BYTES_A_PIXEL;
+  return tile.count * BYTES_A_PIXEL + tile.blocks.count * BYTES_A_BLOCK;
 }
 
-function boxOf(tile: DecodedTile, { axes: { u, v, w } }: Direction, corner: Vector3, pitch: number): OrientedBox {
-  const [least, greatest] = tile.depthRange;
-  const half: Vector3 = [
-    (tile.width / 2 + MARGIN) * pitch,
-    (tile.height / 2 + MARGIN) * pitch,
-    ((greatest - least) / 16 + MARGIN) * pitch,
-  ];
-  const at: Vector3 = [
-    corner[0] + (tile.width / 2) * pitch,
-    corner[1] + (tile.height / 2) * pitch,
-    corner[2] + ((least + greatest) / 16) * pitch,
-  ];
-  const point = (a: 0 | 1 | 2): number => u[a] * at[0] + v[a] * at[1] + w[a] * at[2];
-  return { middle: [point(0), point(1), point(2)], axes: [u, v, w], half };
+function latticeOf(tile: DecodedTile, { axes }: Direction, grid: Grid): Lattice {
+  const pitch = grid.pitch(tile.level);
+  const zero = along(grid.corner, axes);
+  return { axes, pitch, corner: [zero[0] + tile.x * pitch, zero[1] + tile.y * pitch, zero[2] + (tile.depthBase * pitch) / 8] };
 }
 
-/** A vector's parts along three axes. */
-export function along(c: Vector3, u: Vector3, v: Vector3, w: Vector3): Vector3 {
-  return [
-    c[0] * u[0] + c[1] * u[1] + c[2] * u[2],
-    c[0] * v[0] + c[1] * v[1] + c[2] * v[2],
-    c[0] * w[0] + c[1] * w[1] + c[2] * w[2],
-  ];
+function extentOf({ boxes }: Blocks): Float32Array {
+  const extent = boxes.slice(0, BOX);
+  for (let at = BOX; at < boxes.length; at += BOX) {
+    for (let a = 0; a < 3; a++) {
+      extent[a] = Math.min(extent[a]!, boxes[at + a]!);
+      extent[a + 3] = Math.max(extent[a + 3]!, boxes[at + a + 3]!);
+    }
+  }
+  return extent;
 }

@@ -21,6 +21,9 @@ export interface PreparerParts {
 
 /** Turns the world's values into what the graphics card draws. */
 export class ThreePreparer implements Preparer {
+  /** Splats of all tiles on the graphics card. */
+  splats = 0;
+
   constructor(private readonly parts: PreparerParts) {}
 
   prepare(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
@@ -29,6 +32,7 @@ export class ThreePreparer implements Preparer {
 
   dispose(resource: Resource, payload: unknown): void {
     if (resource.kind === "orthoview") {
+      this.splats -= (payload as OrthoviewTile).count;
       (payload as OrthoviewTile).dispose(this.parts.renderer());
       return;
     }
@@ -41,7 +45,11 @@ export class ThreePreparer implements Preparer {
     const { manifest, renderer } = this.parts;
     const direction = manifest.directions.get(tile.direction);
     if (!direction || tile.level !== resource.cell?.level) throw corrupt("the tile belongs to another cell", resource.key);
-    return { size: tileBytes(tile), install: () => new OrthoviewTile(renderer(), tile, manifest.grid, direction) };
+    const install = (): OrthoviewTile => {
+      this.splats += tile.count;
+      return new OrthoviewTile(renderer(), tile, manifest.grid, direction);
+    };
+    return { size: tileBytes(tile), install };
   }
 
   private async model(resource: Resource, bytes: Uint8Array): Promise<Prepared> {

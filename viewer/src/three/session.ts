@@ -9,6 +9,8 @@ import { distanceTo } from "../core/vector.js";
 import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
+import type { DepthPyramid } from "../core/depthpyramid.js";
+import { DepthReader } from "./depthreader.js";
 import type { Frame } from "./frame.js";
 import { sunDirection, type LightUniforms } from "./light.js";
 import { NearGeometry } from "./near/geometry.js";
@@ -35,11 +37,17 @@ export interface SessionParts {
   readonly options: () => WorldOptions;
 }
 
+export interface SessionEvents extends LoaderEvents {
+  /** The last picture lacks something that was held to be hidden. */
+  readonly lacking: () => void;
+}
+
 /** A world whose manifest has been read: plans, fetches and draws it for one viewpoint after another. */
 export class Session {
   readonly loader: Loader;
   readonly splats: Splats;
   readonly near: NearGeometry;
+  readonly preparer: ThreePreparer;
   plan: Plan | null = null;
   /** Of the generation that is shown. */
   index: WorldIndex;
@@ -51,10 +59,15 @@ export class Session {
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
   private readonly coarsening: CoarseningControl;
+  private readonly reader = new DepthReader((pyramid) => this.hasRead(pyramid));
+  /** How far one saw in the newest picture that has been read. */
+  private before: DepthPyramid | null = null;
+  /** The picture that was drawn last, while it is not certain that nothing is missing from it. */
+  private unsure: Viewpoint | null = null;
 
   constructor(
     private readonly parts: SessionParts,
-    events: LoaderEvents,
+    private readonly events: SessionEvents,
   ) {
     const { index, servers, pool, light, group, renderer, options } = parts;
     this.index = index;
@@ -62,8 +75,8 @@ export class Session {
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    const preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget });
-    this.loader = new Loader(servers, preparer, options().cacheBytes, events);
+    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget });
+    this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
   }
 
@@ -109,7 +122,7 @@ export class Session {
 
   /** Whether the last plan draws everything that its view wants. */
   get complete(): boolean {
-    return !!this.plan && !this.next && this.pending === 0 && isKnown(this.index, this.plan);
+    return !!this.plan && !this.next && !this.unsure && this.pending === 0 && isKnown(this.index, this.plan);
   }
 
   /** Whether nothing of the world can be shown: no root's index could be read. */
@@ -191,10 +204,29 @@ export class Session {
   draw(camera: Camera, largestPoint: number): void {
     const { frame, scene, renderer, options } = this.parts;
     const { pictures, geometry } = this.plan!;
-    const sun = sunDirection(options().light);
-    this.splats.set(pictures, this.viewpoint!, sun, largestPoint);
-    this.near.set(geometry, this.viewpoint!, sun);
+    const { light, culling } = options();
+    const [viewpoint, sun] = [this.viewpoint!, sunDirection(light)];
+    this.splats.set(pictures, { viewpoint, sun, largest: largestPoint, culling, before: this.before });
+    this.near.set(geometry, viewpoint, sun);
     frame.draw(renderer(), scene, camera);
+    this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
+    if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
+  }
+
+  /** The graphics card has lost what it held. */
+  lost(): void {
+    this.loader.cache.clear();
+    this.reader.clear();
+    this.before = null;
+  }
+
+  /** Takes how far one saw in a picture: the next is drawn by it, and what the last one lacks is drawn at once. */
+  private hasRead(pyramid: DepthPyramid): void {
+    this.before = pyramid;
+    if (pyramid.view !== this.unsure) return;
+    if (!this.splats.culler!.isRight(pyramid)) return this.events.lacking();
+    this.unsure = null;
+    this.events.arrived();
   }
 
   dispose(): void {
@@ -204,6 +236,7 @@ export class Session {
     this.loader.clear();
     this.splats.dispose();
     this.near.dispose();
+    this.reader.dispose();
   }
 
   private viewOf(viewpoint: Viewpoint, width: number): PlanView {

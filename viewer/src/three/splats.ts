@@ -1,14 +1,16 @@
 import {
   DataTexture, GLSL3, Matrix3, NoBlending, Points, RawShaderMaterial, RedIntegerFormat, UnsignedIntType, Vector2, Vector3,
-  GreaterDepth, type BufferGeometry, type Group,
+  GreaterDepth, type BufferGeometry, type Group, type WebGLRenderer,
 } from "three";
-import { seesOrientedBox } from "../core/frustum.js";
+import { BlockCuller, type Culling } from "../core/culling.js";
+import type { DepthPyramid } from "../core/depthpyramid.js";
 import type { Grid } from "../core/grid.js";
 import { HoleTable } from "../core/holes.js";
 import type { PictureDraw } from "../core/plan.js";
+import { along } from "../core/projection.js";
 import type { Vector3 as Triple } from "../core/vector.js";
 import type { LightUniforms } from "./light.js";
-import { along, type OrthoviewTile } from "./orthoviewtile.js";
+import type { OrthoviewTile } from "./orthoviewtile.js";
 import { relativeTo, type Viewpoint } from "./viewpoint.js";
 import holesText from "./shaders/holes.glsl";
 import lightText from "./shaders/light.glsl";
@@ -23,16 +25,32 @@ interface Placement {
   readonly tile: OrthoviewTile;
   readonly draw: PictureDraw;
   readonly holeNode: number;
+  /** Which of the culler's ranges are its own. */
+  readonly from: number;
+  readonly length: number;
 }
 
-/** Draws orthoviews as splats, one draw call a tile. */
+/** What a picture of splats depends on besides its tiles. */
+export interface SplatView {
+  readonly viewpoint: Viewpoint;
+  readonly sun: Triple;
+  /** Widest point the card draws. */
+  readonly largest: number;
+  readonly culling: Culling;
+  /** How far one saw in a picture drawn before. */
+  readonly before: DepthPyramid | null;
+}
+
+/** Draws orthoviews as splats, the runs of a tile's pixels that may be seen in one call. */
 export class Splats {
-  /** Splats of the tiles drawn last. */
-  count = 0;
+  /** Tiles drawn last. */
   tiles = 0;
+  /** What was drawn last. */
+  culler: BlockCuller | null = null;
   private readonly pool: Points<BufferGeometry, RawShaderMaterial>[] = [];
   private readonly placements = new WeakMap<object, Placement>();
   private readonly material: RawShaderMaterial;
+  private multiDraw: WEBGL_multi_draw | null = null;
   private viewpoint: Viewpoint | null = null;
   private sun: Triple = [0, 0, 1];
   private table = new HoleTable();
@@ -73,19 +91,21 @@ export class Splats {
     });
   }
 
-  /** Takes what is to be drawn; tiles outside the frustum are left out. */
-  set(draws: readonly PictureDraw[], viewpoint: Viewpoint, sun: Triple, largest: number): void {
+  /** Takes what is to be drawn; what is certain not to be seen is left out. */
+  set(draws: readonly PictureDraw[], { viewpoint, sun, largest, culling, before }: SplatView): void {
     this.viewpoint = viewpoint;
     this.sun = sun;
-    this.count = this.tiles = 0;
+    this.tiles = 0;
     this.table = new HoleTable();
+    const culler = new BlockCuller(viewpoint, culling, before);
+    this.culler = culler;
     for (const draw of draws) {
       const holeNode = this.table.add(draw.holes);
       for (const { payload } of draw.tiles) {
         const tile = payload as OrthoviewTile;
-        if (!seesOrientedBox(viewpoint.frustum, tile.box)) continue;
-        this.place({ tile, draw, holeNode }, this.tiles++);
-        this.count += tile.count;
+        if (!culler.add(tile)) continue;
+        const { from, length } = culler.ranges;
+        this.place({ tile, draw, holeNode, from, length }, this.tiles++);
       }
     }
     for (let n = this.tiles; n < this.pool.length; n++) this.pool[n]!.visible = false;
@@ -110,7 +130,8 @@ export class Splats {
       points.frustumCulled = false;
       points.matrixAutoUpdate = false;
       const self = points;
-      points.onBeforeRender = () => this.setUniforms(this.placements.get(self)!);
+      points.onBeforeRender = () => this.prepare(this.placements.get(self)!);
+      points.onAfterRender = (renderer) => this.drawRest(renderer, this.placements.get(self)!);
       this.pool.push(points);
       this.group.add(points);
     }
@@ -119,27 +140,40 @@ export class Splats {
     this.placements.set(points, placement);
   }
 
-  private setUniforms({ tile, draw, holeNode }: Placement): void {
+  private prepare({ tile, draw, holeNode, from }: Placement): void {
+    const { firsts, counts } = this.culler!.ranges;
+    tile.geometry.setDrawRange(firsts[from]!, counts[from]!);
     const { uniforms } = this.material;
     const { eye, toX, toY, toW } = this.viewpoint!;
-    const { u, v, w } = tile.direction.axes;
+    const { axes, pitch } = tile.lattice;
     const set = (name: string, value: Triple): void => void (uniforms[name]!.value as Vector3).set(...value);
     set("origin", tile.originFrom(eye));
-    set("toX", along(toX, u, v, w));
-    set("toY", along(toY, u, v, w));
-    set("toW", along(toW, u, v, w));
-    set("sun", along(this.sun, u, v, w));
-    uniforms["pitch"]!.value = tile.pitch;
-    (uniforms["lattice"]!.value as Int32Array).set(tile.lattice);
+    set("toX", along(toX, axes));
+    set("toY", along(toY, axes));
+    set("toW", along(toW, axes));
+    set("sun", along(this.sun, axes));
+    uniforms["pitch"]!.value = pitch;
+    (uniforms["lattice"]!.value as Int32Array).set(tile.first);
     uniforms["holeNode"]!.value = holeNode;
     if (holeNode !== 1) {
       const { lower, size } = relativeTo(eye, draw.cell.box);
       set("cellLower", lower);
       set("cellSize", size);
       uniforms["cellLevel"]!.value = draw.cell.level;
+      const { u, v, w } = axes;
       (uniforms["toWorld"]!.value as Matrix3).set(u[0], v[0], w[0], u[1], v[1], w[1], u[2], v[2], w[2]);
     }
     this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Draws a tile's ranges after the first, which three.js has drawn: all that drawing needs is bound still. */
+  private drawRest(renderer: WebGLRenderer, { from, length }: Placement): void {
+    if (length === 1) return;
+    const { firsts, counts } = this.culler!.ranges;
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    this.multiDraw ??= renderer.extensions.get("WEBGL_multi_draw") as WEBGL_multi_draw | null;
+    if (this.multiDraw) this.multiDraw.multiDrawArraysWEBGL(gl.POINTS, firsts, from + 1, counts, from + 1, length - 1);
+    else for (let n = from + 1; n < from + length; n++) gl.drawArrays(gl.POINTS, firsts[n]!, counts[n]!);
   }
 
   private uploadTable(): void {

@@ -6,8 +6,14 @@ import type { Session } from "./session.js";
 export interface WorldStats {
   /** Generation of the world that is shown; 0 before its manifest has been read. */
   readonly generation: number;
-  /** Splats of the tiles drawn last, before the graphics card skips those that face away. */
+  /** Splats drawn last, before the graphics card skips those that face away. */
   readonly splats: number;
+  /** Of all tiles that are held, of the parts of those drawn that lie in the frustum, and drawn. */
+  readonly splats_in_memory: number;
+  readonly splats_in_frustum: number;
+  readonly splats_drawn: number;
+  /** Runs of pixels drawn last: a tile is one draw call of them. */
+  readonly splat_runs: number;
   /** Triangles of near geometry drawn last. */
   readonly triangles: number;
   /** Orthoview tiles drawn last: as many draw calls. */
@@ -34,13 +40,17 @@ export interface WorldStats {
 }
 
 export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): WorldStats {
-  const { plan = null, loader, splats, near } = session ?? {};
+  const { plan = null, loader, splats, near, preparer } = session ?? {};
   const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
   return {
     generation: session?.index.manifest.generation ?? 0,
-    splats: splats?.count ?? 0,
+    splats: splats?.culler?.drawn ?? 0,
+    splats_in_memory: preparer?.splats ?? 0,
+    splats_in_frustum: splats?.culler?.inFrustum ?? 0,
+    splats_drawn: splats?.culler?.drawn ?? 0,
+    splat_runs: splats?.culler?.ranges.total ?? 0,
     triangles: near?.triangles ?? 0,
     tiles: splats?.tiles ?? 0,
     cells,

@@ -1,25 +1,15 @@
 import { Matrix4, type Camera, type PerspectiveCamera } from "three";
 import { dot, type Box, type Vector3 } from "../core/vector.js";
 import type { Frustum } from "../core/frustum.js";
+import type { Projection } from "../core/projection.js";
 
 /** A camera as seen from the world's own frame, in double precision. */
-export interface Viewpoint {
-  /** Local metres. */
-  readonly eye: Vector3;
-  /** Rows that give screen position and distance along the view axis: x = (toX · c) / (toW · c), pixels from the left. */
-  readonly toX: Vector3;
-  /** Pixels from below. */
-  readonly toY: Vector3;
-  readonly toW: Vector3;
+export interface Viewpoint extends Projection {
   /** Pixels that a metre takes at distance 1. */
   readonly focal: number;
-  readonly near: number;
   readonly frustum: Frustum;
   /** Tangent of half the horizontal field of view. */
   readonly tangent: number;
-  /** Size of the frame, pixels. */
-  readonly width: number;
-  readonly height: number;
 }
 
 /** The viewpoint of a perspective camera for a world placed by `placement`, drawn `width` x `height` pixels large. */

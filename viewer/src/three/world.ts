@@ -192,6 +192,10 @@ export class FarfieldWorld extends Object3D {
     this.session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
+      lacking: () => {
+        this.drawDirty = true;
+        this.events.emit("arrived", undefined);
+      },
     });
     this.changed();
   }
@@ -253,7 +257,7 @@ export class FarfieldWorld extends Object3D {
     const gl = renderer.getContext();
     this.largestPoint = (gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE) as Float32Array)[1] ?? 64;
     renderer.domElement.addEventListener("webglcontextrestored", () => {
-      this.session?.loader.cache.clear();
+      this.session?.lost();
       this.invalidate();
     });
   }

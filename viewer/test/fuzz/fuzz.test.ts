@@ -79,7 +79,7 @@ const DECODERS: readonly Decoder[] = [
     decode: orthoview,
     corpus: [...["tiles", "tiles/deflated"].flatMap(vectors), ...below("orthoview").slice(0, 8)],
     shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).flatMap((kind) => [plane(kind), tables(kind)])],
-    bound: (bytes) => 64 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
+    bound: (bytes) => 96 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
   },
   { name: "index", decode: index, corpus: below("index"), shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
   { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!, SPLIT], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },

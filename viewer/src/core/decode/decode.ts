@@ -12,6 +12,7 @@ export async function decode({ kind, bytes, where }: Pick<DecodeRequest, "kind" 
 
 /** The buffers of what was decoded. */
 export function buffersOf(decoded: Decoded[keyof Decoded]): ArrayBuffer[] {
-  const arrays = "pixels" in decoded ? [decoded.pixels] : decoded.map(({ pixels }) => pixels);
-  return arrays.map(({ buffer }) => buffer as ArrayBuffer);
+  if (!("pixels" in decoded)) return decoded.map(({ pixels }) => pixels.buffer as ArrayBuffer);
+  const { pixels, blocks } = decoded;
+  return [pixels, blocks.starts, blocks.boxes, blocks.cones].map(({ buffer }) => buffer as ArrayBuffer);
 }

@@ -1,12 +1,13 @@
 import { corrupt } from "../errors.js";
+import { orderInBlocks, type Blocks } from "./blocks.js";
 import { PLANE, readTile } from "./header.js";
 import { coveragePlane, depthPlane, bitPlane, needPlane, normalPlane } from "./planes.js";
 import { restoreDepth, restoreNormals, unzigzag } from "./predict.js";
 import { countNear, type ValidPixels } from "./valid.js";
 import { checkWebp } from "./webp.js";
+import { WORDS } from "./words.js";
 
-/** Words a pixel. */
-export const WORDS = 3;
+export { WORDS };
 
 /** One layer of an orthoview, ready for upload. */
 export interface DecodedTile {
@@ -23,20 +24,21 @@ export interface DecodedTile {
   /** Number of pixels. */
   readonly count: number;
   /**
-   * (count, 3) the valid pixels, bits from the lowest:
+   * (count, 3) the valid pixels in order of `blocks`, bits from the lowest:
    *
    *     column 12, row 12, depth 8 (low)
    *     red 8, green 8, blue 8, depth 8 (high)
    *     normal 6 + 6, coverage - 1 4, length - 1 3, connected 1, unlit 1
    */
   readonly pixels: Uint32Array;
+  readonly blocks: Blocks;
 }
 
 /** Decodes a WebP file into RGBA bytes, width x height x 4, from a multiple of four of their buffer on. */
 export type ColorDecoder = (bytes: Uint8Array, width: number, height: number, where: string) => Promise<Uint8ClampedArray>;
 
 /**
- * Reads an orthoview tile. Throws `corrupt` for anything but a whole one. Allocates at most 64 bytes a pixel of the rectangle, which is at
+ * Reads an orthoview tile. Throws `corrupt` for anything but a whole one. Allocates at most 96 bytes a pixel of the rectangle, which is at
  * most 4096 x 4096, 1 MB for tables, and what `inflate` takes.
  */
 export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: ColorDecoder): Promise<DecodedTile> {
@@ -60,7 +62,7 @@ export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: 
     direction, layer, level, x, y, width, height, depthBase,
     depthRange,
     count: header.valid,
-    pixels: interleave({ pixels, depths, a, b, coverage, flags, unlit, rgba, width }),
+    ...orderInBlocks(interleave({ pixels, depths, a, b, coverage, flags, unlit, rgba, width }), width),
   };
 }
 

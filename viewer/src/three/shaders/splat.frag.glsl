@@ -14,8 +14,8 @@ void main() {
     if (centre.w > 0.5) {
         vec2 q = gl_FragCoord.xy - centre.xy;
         bool outside = dot(conic, vec3(q.x * q.x, q.x * q.y, q.y * q.y)) > 0.5;
-        if (outside && floor(gl_FragCoord.xy) != floor(centre.xy)) discard;
-        d = max(d + dot(slope, q), 0.5 * d);
+        if (!outside) d = max(d + dot(slope, q), 0.5 * d);
+        else if (floor(gl_FragCoord.xy) != floor(centre.xy)) discard;
     }
     gl_FragDepth = near / max(d, near);
     color = vec4(radiance, 1.0);
