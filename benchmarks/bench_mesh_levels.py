@@ -5,8 +5,8 @@
     python benchmarks/bench_mesh_levels.py [--work DIR] [--cases tokyo,…] [--levels r,4r,16r] [--pictures DIR] [-o JSON]
 
 The three scenes of benchmarks/scenes.py, and Tokyo with façades of which no two are alike; trees and statues as
-instances and as copies. Both viewers have the same camera, 640 x 480 with 2 x 2 samples, light and sky, and leave out what is
-nearer than r, 4 r or 16 r. The link is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes as they are sent
+instances and as copies. Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out
+what is nearer than r, 4 r or 16 r. The link is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes as they are sent
 (viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a frame, until its
 pixels can be read. Worlds, tilesets and true pictures are kept in the work folder.
 """

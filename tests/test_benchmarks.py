@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,7 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-IN_A_BROWSER = ("page",)
+IN_A_BROWSER = ("page", "mesh_levels")
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in IN_A_BROWSER])
@@ -24,13 +25,30 @@ def test_a_benchmark_in_small(name: str, capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("name", IN_A_BROWSER)
-def test_a_benchmark_in_a_browser_in_small(name: str) -> None:
-    """In a process of its own: the browser of the other tests may be open in this one."""
+def test_the_page_in_small() -> None:
+    assert _in_a_process("page")["flight"]["fetched_while_held"] == 0
+
+
+@pytest.mark.browser
+def test_mesh_levels_in_small() -> None:
+    """Both viewers draw the scene, and what the link lets through is what they get."""
+    found = _in_a_process("mesh_levels")
+    if "skipped" in found:
+        pytest.skip(found["skipped"])
+    for viewer, limits in found["small"].items():
+        assert limits["100000"]["bytes"] <= 100_000, viewer
+        assert limits["8000000"]["complete"] == 1, viewer
+        assert limits["8000000"]["primitives"] > 100, viewer
+        assert limits["8000000"]["psnr_covered"] > 15, viewer
+
+
+def _in_a_process(name: str) -> dict[str, Any]:
+    """The figures of a benchmark in a process of its own: the browser of the other tests may be open in this one."""
     command = [sys.executable, "-m", "farfield", "bench", name, "--quick", "--json"]
     ended = subprocess.run(command, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
-    assert json.loads(ended.stdout)["flight"]["fetched_while_held"] == 0
+    found: dict[str, Any] = json.loads(ended.stdout)
+    return found
 
 
 def test_they_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
