@@ -23,6 +23,7 @@ import pytest
 
 from farfield.errors import OptionError, ServeError
 from farfield.serve import viewer_files
+from farfield.serve.clock import SteppedClock
 from farfield.serve.run import ServeOptions, bind, serve, serving
 from farfield.serve.throttle import BURST_SECONDS, TokenBucket
 from farfield.store import DirectoryStore, Store
@@ -141,6 +142,39 @@ def test_a_token_bucket_keeps_its_rate_and_forgets_idle_time() -> None:
     assert waits == pytest.approx([0.45, 0.95, 1.45])
     now[0] += 1000
     assert bucket.reserve(1000) == pytest.approx(1 - BURST_SECONDS)
+
+
+def test_an_answer_is_late_by_the_delay(world: Store) -> None:
+    with serving(world, ServeOptions(port=0, delay=0.3)) as url:
+        began = time.monotonic()
+        assert httpx.get(url + TILE).content == VALUES[TILE]
+        assert time.monotonic() - began >= 0.3
+
+
+def test_by_a_stepped_clock_nothing_leaves_before_its_time(world: Store) -> None:
+    clock, rate = SteppedClock(), 1_000_000
+    answers: list[bytes] = []
+    with serving(world, ServeOptions(port=0, bandwidth=rate, delay=0.1, clock=clock)) as url:
+        reader = threading.Thread(target=lambda: answers.append(httpx.get(url + BIG, timeout=60).content))
+        reader.start()
+        while clock.under_way == 0:
+            time.sleep(0.001)
+        time.sleep(0.2)
+        assert clock.now() == 0
+        needed = 0.1 + len(VALUES[BIG]) / rate
+        clock.advance(needed - 2 * BURST_SECONDS)
+        assert clock.under_way == 1
+        clock.advance(3 * BURST_SECONDS)
+        reader.join(10)
+        assert answers == [VALUES[BIG]]
+        assert clock.under_way == 0
+        assert clock.now() == pytest.approx(needed + BURST_SECONDS)
+
+
+@pytest.mark.parametrize("delay", [-0.1, float("nan"), 60.0])
+def test_a_delay_that_makes_no_sense(world: Store, delay: float) -> None:
+    with pytest.raises(OptionError, match="--delay"):
+        serve(world, ServeOptions(port=0, delay=delay), print)
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, -1.0, float("nan"), float("inf")])

@@ -32,6 +32,10 @@ BandwidthOption = Annotated[
     float | None, typer.Option("--bandwidth", metavar="B", help="Send at most B bytes a second, to try a slow link.")
 ]
 
+DelayOption = Annotated[
+    float, typer.Option("--delay", metavar="MS", help="Answer MS milliseconds late, to try a server far away.")
+]
+
 
 def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
     """`text` as `count` finite numbers with commas between them: "1,2,3".

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from farfield.cli.options import BandwidthOption, HostOption, JsonOption, OpenOption, PortOption, WorldArgument
+from farfield.cli.options import (
+    BandwidthOption,
+    DelayOption,
+    HostOption,
+    JsonOption,
+    OpenOption,
+    PortOption,
+    WorldArgument,
+)
 from farfield.cli.serving import ServeRequest, serve_world
 
 
@@ -12,7 +20,8 @@ def command(
     port: PortOption = None,
     open_browser: OpenOption = False,
     bandwidth: BandwidthOption = None,
+    delay: DelayOption = 0.0,
     as_json: JsonOption = False,
 ) -> None:
     """Serve WORLD and the viewer until interrupted."""
-    serve_world(world, ServeRequest(host, port, bandwidth, open_browser, as_json))
+    serve_world(world, ServeRequest(host, port, bandwidth, open_browser, as_json, delay))

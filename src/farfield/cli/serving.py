@@ -20,6 +20,8 @@ class ServeRequest:
     bandwidth: float | None
     open_browser: bool
     as_json: bool
+    delay: float = 0.0
+    """Milliseconds."""
 
 
 def serve_world(place: str | Path, request: ServeRequest) -> None:
@@ -35,7 +37,9 @@ def serve_world(place: str | Path, request: ServeRequest) -> None:
     if is_url(store.location):
         # A browser's request for a tile is then one request to the bucket, not one for each of its size and parts.
         store = CachedStore(store, frozenset({KEY}))
-    options = ServeOptions(request.host, request.port, request.bandwidth, request.open_browser)
+    options = ServeOptions(
+        request.host, request.port, request.bandwidth, request.delay / 1000, open_browser=request.open_browser
+    )
 
     def announce(url: str) -> None:
         report({"url": url}, as_json=request.as_json, text=f"{place} is at {url} (Ctrl-C ends it)")

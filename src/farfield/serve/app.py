@@ -18,7 +18,7 @@ from farfield.serve.batch import batch_response
 from farfield.serve.events import GenerationFeed, events_response
 from farfield.serve.public import is_page_key, is_world_key
 from farfield.serve.served import Served
-from farfield.serve.throttle import Throttle
+from farfield.serve.throttle import Link, Throttle
 from farfield.serve.values import value_response
 from farfield.store import Store
 
@@ -45,10 +45,10 @@ _NO_VIEWER = "The viewer is not built into this farfield. In a clone of the repo
 _log = logging.getLogger("farfield.serve")
 
 
-def create_app(world: Store, page: Store, *, bandwidth: float | None = None) -> ASGIApp:
+def create_app(world: Store, page: Store, link: Link | None = None) -> ASGIApp:
     """The application that serves `world` and the viewer's files in `page`.
 
-    bandwidth: bytes a second over all answers together; None for no limit.
+    link: what its answers go through; None for nothing that would slow them.
     """
 
     served = Served(world)
@@ -69,7 +69,7 @@ def create_app(world: Store, page: Store, *, bandwidth: float | None = None) -> 
         Route("/{key:path}", value, methods=["GET"]),
     ]
     app: ASGIApp = _Gate(Starlette(routes=routes))
-    return Throttle(app, bandwidth) if bandwidth else app
+    return Throttle(app, link) if link and link.is_slow else app
 
 
 def _value(world: Store, page: Store, request: Request) -> Response:

@@ -13,13 +13,15 @@ import threading
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import uvicorn
 
 from farfield.errors import OptionError, ServeError
 from farfield.serve.app import create_app
+from farfield.serve.clock import Clock, WallClock
 from farfield.serve.protocol import STALL_SECONDS, WatchedProtocol
+from farfield.serve.throttle import Link
 from farfield.serve.viewer_files import page_store
 from farfield.store import Store
 
@@ -34,6 +36,10 @@ MAX_HEADER = 32 * 1024
 """Bytes of one request's line and headers; more are answered 400."""
 
 
+MAX_DELAY = 10.0
+"""Seconds; a page gives an answer up after 30."""
+
+
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
     """How a world is served."""
@@ -46,6 +52,12 @@ class ServeOptions:
 
     bandwidth: float | None = None
     """Bytes a second over all answers together; None for no limit."""
+
+    delay: float = 0.0
+    """Seconds that each answer comes later, as from a server far away."""
+
+    clock: Clock = field(default_factory=WallClock)
+    """By which bandwidth and delay are kept; tests and benchmarks move it themselves."""
 
     open_browser: bool = False
     """Open the page once the server is there."""
@@ -133,9 +145,11 @@ class _Server(uvicorn.Server):
         bandwidth = options.bandwidth
         if bandwidth is not None and not (math.isfinite(bandwidth) and bandwidth > 0):
             raise OptionError("must be a number of bytes a second above 0", "--bandwidth")
+        if not 0 <= options.delay < MAX_DELAY:
+            raise OptionError(f"must be 0 to {1000 * MAX_DELAY:.0f} milliseconds", "--delay")
         protocol = type("Protocol", (WatchedProtocol,), {"stall_seconds": options.stall_seconds})
         config = uvicorn.Config(
-            create_app(world, page_store(), bandwidth=bandwidth),
+            create_app(world, page_store(), Link(bandwidth, options.delay, options.clock)),
             http=protocol,
             ws="none",
             lifespan="off",

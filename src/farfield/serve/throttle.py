@@ -1,13 +1,14 @@
-"""A slow link, for trying one out: all answers together leave at so many bytes a second."""
+"""A slow link, for trying one out: all answers together leave at so many bytes a second, and late."""
 
 from __future__ import annotations
 
-import asyncio
 import math
-import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from farfield.serve.clock import Clock, WallClock
 
 SLICES_A_SECOND = 20
 """How often a second a byte may leave: bodies are cut into slices of this share of a second, but at least 512 bytes."""
@@ -15,11 +16,33 @@ SLICES_A_SECOND = 20
 BURST_SECONDS = 0.05
 """How much of an idle link's past may be used up at once."""
 
+UNENDING = "/events"
+"""Its answer does not end, and is a few bytes an hour: it does not go through the link."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """What lies between the server and who asks it."""
+
+    bandwidth: float | None = None
+    """Bytes a second over all answers together; None for no limit."""
+
+    delay: float = 0.0
+    """Seconds that each answer is late, by the round trip."""
+
+    clock: Clock = field(default_factory=WallClock)
+    """By which it sends."""
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether it is any slower than none."""
+        return self.bandwidth is not None or self.delay > 0
+
 
 class TokenBucket:
     """Gives out bytes at `rate` a second, first come first served."""
 
-    def __init__(self, rate: float, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, rate: float, clock: Callable[[], float]) -> None:
         self._rate = rate
         self._clock = clock
         self._free_at = -math.inf
@@ -32,14 +55,24 @@ class TokenBucket:
 
 
 class Throttle:
-    """Sends the answers of `app` at `rate` bytes a second over all connections together."""
+    """Sends the answers of `app` over `link`, all connections together."""
 
-    def __init__(self, app: ASGIApp, rate: float) -> None:
+    def __init__(self, app: ASGIApp, link: Link) -> None:
+        rate = link.bandwidth or math.inf
         self._app = app
-        self._bucket = TokenBucket(rate)
-        self._slice = max(512, min(int(rate / SLICES_A_SECOND), 64 * 1024))
+        self._link = link
+        self._bucket = TokenBucket(rate, link.clock.now)
+        self._slice = max(512, int(min(rate / SLICES_A_SECOND, 64 * 1024)))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["path"] == UNENDING:
+            await self._app(scope, receive, send)
+            return
+        with self._link.clock.answering():
+            await self._link.clock.sleep(self._link.delay)
+            await self._app(scope, receive, self._slowed(send))
+
+    def _slowed(self, send: Send) -> Send:
         async def slow_send(message: Message) -> None:
             if message["type"] == "http.response.start":
                 await self._wait(sum(len(name) + len(value) + 4 for name, value in message["headers"]))
@@ -49,7 +82,7 @@ class Throttle:
             else:
                 await send(message)
 
-        await self._app(scope, receive, slow_send)
+        return slow_send
 
     async def _send_in_slices(self, message: Message, send: Send) -> None:
         body, more = message.get("body", b""), message.get("more_body", False)
@@ -62,4 +95,4 @@ class Throttle:
             await send(message)
 
     async def _wait(self, count: int) -> None:
-        await asyncio.sleep(self._bucket.reserve(count))
+        await self._link.clock.sleep(self._bucket.reserve(count))
