@@ -4,6 +4,7 @@ import type { Resource } from "./resource.js";
 import type { Server, Servers } from "./servers.js";
 import { Sizes, SURE } from "./sizes.js";
 import { valueOf, type Found } from "./source.js";
+import { Stock } from "./stock.js";
 import { URGENCY, type Want } from "./wants.js";
 
 /** A decoded value that waits to be uploaded. */
@@ -36,29 +37,70 @@ const REQUEST_BYTES = 256 << 10;
 /** Values under way and decoded but not uploaded, of all servers together; more would only grow old. */
 const UNDER_WAY = 128;
 
+/**
+ * What the picture does not need now is fetched, decoded and uploaded each within a budget of its own, so that none of it
+ * delays or drives out what the picture needs. Requests for it at once to a server: two keep a link of 20 Mbit/s and 40 ms
+ * full, and what becomes urgent meanwhile waits for 100 ms of them.
+ */
+const REQUESTS_AHEAD = 2;
+const REQUEST_BYTES_AHEAD = 128 << 10;
+/** Bytes fetched and not decoded, as a share of the cache: there they would fill it about once. */
+export const STOCK_SHARE = 1 / 12;
+/** It is decoded, a few at once, while the cache is fuller than this by no more than what comes. */
+const DECODES_AHEAD = 3;
+const DECODED_SHARE = 0.7;
+/** It is uploaded while so much of the cache is on the graphics card, at most by this share of a frame's bytes. */
+const UPLOADED_SHARE = 0.6;
+const FRAME_SHARE = 0.25;
+
+/** Whether the picture does not need it now. */
+function isAhead(urgency: number): boolean {
+  return urgency > URGENCY.seen;
+}
+
 /** What is under way from one server. */
 interface Request {
   readonly server: Server;
   readonly resources: readonly Resource[];
+  /** Whether the picture did not need any of it when it was asked for. */
+  readonly ahead: boolean;
+}
+
+/** What one server is asked for at once. */
+interface Limits {
+  readonly ahead: boolean;
+  readonly requests: number;
+  readonly values: number;
 }
 
 /** Fetches what is wanted, most urgent first, decodes it, and keeps it within a budget of bytes. */
 export class Loader {
   readonly cache: Cache;
   readonly sizes = new Sizes();
+  readonly stock: Stock;
   private wants: readonly Want[] = [];
-  /** The same by server. */
+  private urgencies: ReadonlyMap<Resource, number> = new Map();
+  /** What the picture needs, and what it does not need now, by server. */
   private queues: ReadonlyMap<Server, readonly Want[]> = new Map();
+  private queuesAhead: ReadonlyMap<Server, readonly Want[]> = new Map();
   private plan = 0;
   /** Whether what is in the picture may go beyond the budget. */
   private beyond = false;
-  /** Bytes of what is under way, as far as can be told. */
+  /** Bytes of what is under way and will be decoded, as far as can be told. */
   private coming = 0;
+  /** Bytes, as they come, of what is under way to the stock. */
+  private arriving = 0;
+  /** How much of what is decoded the picture waits for. */
+  private waiting = 0;
   /** Bytes of what the plan uses, there or under way. */
   private taken = 0;
   private readonly requests = new Map<AbortController, Request>();
   private readonly loading = new Map<Resource, AbortController>();
+  private readonly decoding = new Set<Resource>();
   private readonly ready = new Map<Resource, Prepared>();
+  /** Bytes on the graphics card. */
+  uploaded = 0;
+  private readonly closing = new AbortController();
   private readonly damaged = new Set<Resource>();
   private readonly homes = new WeakMap<Resource, Server>();
 
@@ -69,6 +111,18 @@ export class Loader {
     private readonly events: LoaderEvents,
   ) {
     this.cache = new Cache(budget, (resource) => this.drop(resource));
+    this.stock = new Stock(budget * STOCK_SHARE);
+  }
+
+  /** Bytes that what is decoded may take; what is fetched ahead takes a share of as much besides. */
+  set budget(bytes: number) {
+    this.cache.budget = bytes;
+    this.stock.budget = bytes * STOCK_SHARE;
+  }
+
+  /** Values asked for, or being decoded. */
+  get asked(): number {
+    return this.loading.size;
   }
 
   /** Values asked for and not yet held. */
@@ -83,69 +137,87 @@ export class Loader {
   want(wants: readonly Want[], number: number, drawn: Iterable<Resource> = [], beyond = false): void {
     this.beyond = beyond;
     this.wants = wants;
-    this.queues = grouped(wants, ({ resource }) => this.serverOf(resource));
+    this.urgencies = new Map(wants.map(({ resource, urgency }) => [resource, urgency]));
+    const serverOf = ({ resource }: Want): Server => this.serverOf(resource);
+    this.queues = grouped(wants.filter(({ urgency }) => !isAhead(urgency)), serverOf);
+    this.queuesAhead = grouped(wants.filter(({ urgency }) => isAhead(urgency)), serverOf);
     this.plan = number;
     for (const { resource, urgency } of wants) {
       if (urgency <= URGENCY.seen) this.cache.use(resource, number);
     }
     for (const resource of drawn) this.cache.use(resource, number);
     this.cache.trim(number);
-    const wanted = new Set(wants.map(({ resource }) => resource));
+    this.stock.trim((resource) => this.urgencies.has(resource));
     for (const [controller, { resources }] of this.requests) {
-      if (!resources.some((resource) => wanted.has(resource))) controller.abort();
+      if (!resources.some((resource) => this.urgencies.has(resource))) controller.abort();
     }
     this.pump();
   }
 
-  /** Uploads what is decoded, most urgent first, until `bytes` have been; returns whether anything was. */
+  /**
+   * Uploads what is decoded, most urgent first, until `bytes` have been, of what the picture does not need now fewer; returns
+   * whether the picture may be different for it.
+   */
   install(bytes: number): boolean {
     if (this.ready.size === 0) return false;
     let left = bytes;
-    const order = this.wants.map(({ resource }) => resource).filter((resource) => this.ready.has(resource));
-    for (const resource of new Set([...order, ...this.ready.keys()])) {
-      if (left <= 0) break;
+    let leftAhead = Math.min(bytes * FRAME_SHARE, this.cache.budget * UPLOADED_SHARE - this.uploaded);
+    let useful = false;
+    for (const { resource, urgency } of this.wants) {
+      if (resource.state !== "ready") continue;
+      if (left <= 0 || (isAhead(urgency) && leftAhead <= 0)) break;
       left -= resource.size;
+      if (isAhead(urgency)) leftAhead -= resource.size;
+      useful ||= urgency !== URGENCY.ahead && urgency !== URGENCY.unseen;
       this.hold(resource);
     }
     this.pump();
-    return true;
+    return useful;
   }
 
   /** Gives everything up. */
   clear(): void {
     for (const controller of this.requests.keys()) controller.abort();
+    this.closing.abort();
     this.wants = [];
-    this.queues = new Map();
+    this.urgencies = this.queues = this.queuesAhead = new Map();
+    this.stock.clear();
     this.cache.clear();
   }
 
   /** Starts as many requests as there is room for. A server that is slow leaves room for the others. */
   pump(): void {
     const { length } = this.servers.all;
-    const most = Math.min(REQUESTS, Math.max(2, Math.floor(REQUESTS_TO_ALL / length)));
+    const requests = Math.min(REQUESTS, Math.max(2, Math.floor(REQUESTS_TO_ALL / length)));
     this.taken = this.cache.inUse(this.plan);
-    this.coming = 0;
+    this.coming = this.arriving = this.waiting = 0;
     for (const resource of this.loading.keys()) this.expect(resource);
-    for (const [server, wants] of this.queues) this.ask(server, wants, most, UNDER_WAY / length);
+    for (const resource of this.ready.keys()) if (!isAhead(this.urgencyOf(resource))) this.waiting++;
+    this.decodeStocked();
+    const values = UNDER_WAY / length;
+    for (const [server, wants] of this.queues) this.ask(server, wants, { ahead: false, requests, values });
+    for (const [server, wants] of this.queuesAhead) this.ask(server, wants, { ahead: true, requests, values });
   }
 
-  /** Starts requests to one server: at most so many at once, for at most so many values. */
-  private ask(server: Server, wants: readonly Want[], requests: number, values: number): void {
+  /** Starts requests to one server. */
+  private ask(server: Server, wants: readonly Want[], { ahead, requests, values }: Limits): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
     let free = requests - asked.length;
+    if (ahead) free = Math.min(free, REQUESTS_AHEAD - asked.filter((request) => request.ahead).length);
     // What does not fit still comes, one at a time: it may be that all that stands in its way waits for it.
-    let alone = this.ready.size === 0 && ![...this.loading.keys()].some((resource) => this.serverOf(resource) === server);
+    let alone = !ahead && this.waiting === 0 && !this.isNeededFrom(server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
-    for (let next = 0; server.reachable && free > 0 && left > 0 && this.underWay < UNDER_WAY; free--) {
+    const limit = ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES;
+    for (let next = 0; server.reachable && free > 0 && left > 0 && this.loading.size + this.waiting < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
       let bytes = 0;
       const most = Math.min(server.source.batchKeys, left);
-      for (; next < wants.length && chosen.length < most && bytes < REQUEST_BYTES; next++) {
-        const { resource, urgency } = wants[next]!;
+      for (; next < wants.length && chosen.length < most && bytes < limit; next++) {
+        const { resource } = wants[next]!;
         if (resource.state !== "absent" || !this.servers.mayAsk(resource)) continue;
-        if (!this.fits(resource, urgency, alone && chosen.length === 0)) {
+        if (!(ahead ? this.fitsStock(resource) : this.fits(resource, alone && chosen.length === 0))) {
           // What is more urgent is not to wait until smaller things of this server have filled the room.
-          if (urgency <= URGENCY.seen) break;
+          if (!ahead) break;
           continue;
         }
         chosen.push(resource);
@@ -155,8 +227,37 @@ export class Loader {
       if (chosen.length === 0) return;
       left -= chosen.length;
       alone = false;
-      void this.request(server, chosen);
+      void this.request(server, chosen, ahead);
     }
+  }
+
+  /** Decodes what was fetched ahead: what the picture has come to need, and a few of the others while there is room. */
+  private decodeStocked(): void {
+    if (this.stock.count === 0) return;
+    let free = DECODES_AHEAD - [...this.decoding].filter((resource) => isAhead(this.urgencyOf(resource))).length;
+    let alone = this.waiting === 0 && !this.isNeededFrom(null);
+    for (const { resource, urgency } of this.wants) {
+      if (resource.state !== "fetched") continue;
+      const ahead = isAhead(urgency);
+      if (ahead ? free-- <= 0 || !this.fitsAhead(resource) : !this.fits(resource, alone)) return;
+      alone = false;
+      resource.state = "loading";
+      this.loading.set(resource, this.closing);
+      void this.prepare(resource, this.stock.take(resource), this.closing.signal);
+      this.expect(resource);
+    }
+  }
+
+  /** Whether something that the picture needs is under way from a server, or from any. */
+  private isNeededFrom(server: Server | null): boolean {
+    for (const resource of this.loading.keys()) {
+      if (!isAhead(this.urgencyOf(resource)) && (server === null || this.serverOf(resource) === server)) return true;
+    }
+    return false;
+  }
+
+  private urgencyOf(resource: Resource): number {
+    return this.urgencies.get(resource) ?? Infinity;
   }
 
   private serverOf(resource: Resource): Server {
@@ -166,6 +267,10 @@ export class Loader {
   }
 
   private expect(resource: Resource): void {
+    if (isAhead(this.urgencyOf(resource)) && !this.decoding.has(resource)) {
+      this.arriving += resource.bytes;
+      return;
+    }
     const size = this.sizes.of(resource);
     this.coming += size;
     if (resource.used >= this.plan) this.taken += size;
@@ -173,24 +278,32 @@ export class Loader {
 
   /**
    * What is needed for the picture waits until it fits beside what stands in for it, unless it is alone under way from its
-   * server; what is not needed comes only while there is room.
+   * server.
    */
-  private fits(resource: Resource, urgency: number, alone: boolean): boolean {
-    const size = this.sizes.of(resource);
-    if (urgency > URGENCY.seen) return this.cache.bytes + this.coming + size < this.cache.budget * 0.7;
-    return this.taken + size <= this.cache.budget * SURE || alone || this.beyond;
+  private fits(resource: Resource, alone: boolean): boolean {
+    return this.taken + this.sizes.of(resource) <= this.cache.budget * SURE || alone || this.beyond;
   }
 
-  private async request(server: Server, resources: Resource[]): Promise<void> {
+  /** What is not needed now is fetched while the stock has room for it ... */
+  private fitsStock({ bytes }: Resource): boolean {
+    return this.stock.bytes + this.arriving + bytes <= this.stock.budget;
+  }
+
+  /** ... and decoded while the cache has. */
+  private fitsAhead(resource: Resource): boolean {
+    return this.cache.bytes + this.coming + this.sizes.of(resource) < this.cache.budget * DECODED_SHARE;
+  }
+
+  private async request(server: Server, resources: Resource[], ahead: boolean): Promise<void> {
     const controller = new AbortController();
-    this.requests.set(controller, { server, resources });
+    this.requests.set(controller, { server, resources, ahead });
     for (const resource of resources) {
       resource.state = "loading";
       this.loading.set(resource, controller);
     }
     try {
       const answers = await server.getMany(resources.map(({ key }) => key), controller.signal);
-      resources.forEach((resource, n) => void this.prepare(resource, answers[n]!, controller.signal));
+      resources.forEach((resource, n) => this.arrive(resource, answers[n]!, controller.signal));
     } catch (error) {
       const known = asFarfieldError(error, resources[0]!.key);
       for (const resource of resources) this.release(resource);
@@ -202,7 +315,16 @@ export class Loader {
     }
   }
 
+  /** Decodes what the picture needs, and keeps the rest for later. */
+  private arrive(resource: Resource, found: Found, signal: AbortSignal): void {
+    if (!isAhead(this.urgencyOf(resource)) || !(found instanceof Uint8Array)) return void this.prepare(resource, found, signal);
+    this.loading.delete(resource);
+    this.stock.put(resource, found);
+    this.stock.trim((other) => this.urgencies.has(other));
+  }
+
   private async prepare(resource: Resource, found: Found, signal: AbortSignal): Promise<void> {
+    this.decoding.add(resource);
     try {
       const prepared = await this.preparer.prepare(resource, valueOf(found, resource.key), signal);
       this.loading.delete(resource);
@@ -222,6 +344,8 @@ export class Loader {
       if (known.tag === "network") this.postpone(resource, known);
       else if (known.tag === "corrupt" && !this.damaged.has(resource)) void this.requestAnew(resource);
       else this.fail(resource, known);
+    } finally {
+      this.decoding.delete(resource);
     }
     this.pump();
   }
@@ -237,7 +361,7 @@ export class Loader {
     this.damaged.add(resource);
     const controller = new AbortController();
     const server = this.serverOf(resource);
-    this.requests.set(controller, { server, resources: [resource] });
+    this.requests.set(controller, { server, resources: [resource], ahead: false });
     this.loading.set(resource, controller);
     resource.state = "loading";
     try {
@@ -257,6 +381,7 @@ export class Loader {
     const prepared = this.ready.get(resource)!;
     this.ready.delete(resource);
     resource.payload = prepared.install();
+    this.uploaded += resource.size;
     resource.state = "held";
     resource.cell?.count(1);
   }
@@ -274,6 +399,7 @@ export class Loader {
   private drop(resource: Resource): void {
     if (resource.state === "held") {
       resource.cell?.count(-1);
+      this.uploaded -= resource.size;
       this.preparer.dispose(resource, resource.payload);
     } else {
       this.ready.get(resource)?.discard?.();

@@ -4,13 +4,14 @@ import type { Cell } from "./cell.js";
 export type ResourceKind = "orthoview" | "geometry" | "mesh";
 
 /**
- *     absent → loading → ready → held
- *        ↑        └──→ bad
- *        └─── dropped by the cache or aborted
+ *     absent → loading ─────────────→ ready → held
+ *        ↑        ├──→ fetched ─→ loading ┘
+ *        │        └──→ bad
+ *        └─── dropped by the cache or the stock, or aborted
  *
- * `ready` is decoded and waits for its turn to be uploaded.
+ * `fetched` came ahead of its time and waits to be decoded; `ready` is decoded and waits for its turn to be uploaded.
  */
-export type ResourceState = "absent" | "loading" | "ready" | "held" | "bad";
+export type ResourceState = "absent" | "loading" | "fetched" | "ready" | "held" | "bad";
 
 /** A value of the store that can be drawn, and how far it has come. */
 export class Resource {

@@ -12,10 +12,12 @@ export const URGENCY = {
   root: 0,
   /** What the picture shows. */
   seen: 1,
+  /** What the picture will show soon, as the eye moves (ahead.ts). */
+  ahead: 2,
   /** Ancestors of the cut, to stand in when the eye moves on. */
-  cover: 2,
+  cover: 3,
   /** The cut outside the picture, for when the eye turns. */
-  unseen: 3,
+  unseen: 4,
 } as const;
 
 /** A value that would be drawn if it were there. */
@@ -35,12 +37,15 @@ function isBad({ state }: Resource): boolean {
 
 /**
  * Everything a plan has a use for, most urgent first: in the picture, then near, then coarse. `lacks` tells what cannot be
- * had, in whose place parents are wanted.
+ * had, in whose place parents are wanted; `from` is where distances are measured from.
  */
-export function listWants(roots: readonly Cell[], plan: Plan, manifest: Manifest, view: PlanView, lacks: (resource: Resource) => boolean = isBad): Want[] {
+export function listWants(
+  roots: readonly Cell[], plan: Pick<Plan, "cut">, manifest: Manifest, view: PlanView,
+  lacks: (resource: Resource) => boolean = isBad, from = view.eye,
+): Want[] {
   const wants = new Map<Resource, Want>();
   const add = (resources: readonly Resource[], cell: Cell, urgency: number): void => {
-    const distance = distanceTo(cell.box, view.eye);
+    const distance = distanceTo(cell.box, from);
     for (const resource of resources) {
       const known = wants.get(resource);
       if (known && known.urgency <= urgency) continue;
@@ -75,6 +80,7 @@ function addCover(cell: Cell, add: (ancestor: Cell) => void): void {
   if (ancestor) add(ancestor);
 }
 
-function byUrgency(a: Want, b: Want): number {
+/** Order of wants: urgent, then near, then coarse. */
+export function byUrgency(a: Want, b: Want): number {
   return a.urgency - b.urgency || a.distance - b.distance || b.level - a.level;
 }

@@ -22,6 +22,8 @@ export interface WorldOptions {
   readonly sky: string | null;
   /** Bytes that decoded tiles and geometry may take; what is in the picture stays even beyond it. */
   readonly cacheBytes: number;
+  /** Seconds of the eye's flight for which the world is fetched ahead; 0: only what is in the picture and round it. */
+  readonly ahead: number;
   /** Bytes uploaded to the graphics card a frame, at most one value more. */
   readonly uploadBytes: number;
   /**
@@ -47,6 +49,7 @@ export function defaultOptions(): WorldOptions {
     light: DEFAULT_LIGHT,
     sky: DEFAULT_SKY,
     cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
+    ahead: 8,
     uploadBytes: 4 << 20,
     culling: "all",
   };

@@ -1,10 +1,13 @@
 import type { Camera, Group, Scene, WebGLRenderer } from "three";
+import { joinWants, LookAhead } from "../core/ahead.js";
 import type { DecodePool } from "../core/decode/pool.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
+import type { Cell } from "../core/cell.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
 import type { Servers } from "../core/servers.js";
+import { shownBy, type Shown } from "../core/shown.js";
 import { distanceTo } from "../core/vector.js";
 import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
@@ -56,6 +59,9 @@ export class Session {
   private movedAt: number | null = null;
   private number = 0;
   private viewpoint: Viewpoint | null = null;
+  private view: PlanView | null = null;
+  private ahead = new LookAhead();
+  private lastShown: Shown | null = null;
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
   private readonly coarsening: CoarseningControl;
@@ -140,20 +146,44 @@ export class Session {
     return Number.isFinite(least) ? least : null;
   }
 
+  /** How much of what was planned last is not as it should be; found out when it is asked for. */
+  get shown(): Shown | null {
+    if (this.plan && !this.lastShown) this.lastShown = shownBy(this.plan, this.view!, this.viewpoint!);
+    return this.lastShown;
+  }
+
+  /** Values and index tiles asked for that have not come. */
+  get underWay(): number {
+    return this.loader.asked + this.index.pending;
+  }
+
   /** Makes the plan for a picture `width` pixels wide and sees to what it lacks; returns what is different. */
   choose(viewpoint: Viewpoint, width: number): { picture: boolean; detail: boolean; generation: boolean } {
     const before = this.plan;
-    const ahead = this.prepareNext(viewpoint, width);
+    const next = this.prepareNext(viewpoint, width);
     const { index } = this;
-    const { plan, wants, detail } = this.planWithin(viewpoint, width);
+    const { plan, view, wants, detail } = this.planWithin(viewpoint, width);
     this.viewpoint = viewpoint;
     this.plan = plan;
+    this.view = view;
+    this.lastShown = null;
     this.number++;
-    explore(index, plan);
-    this.loader.want(joined(ahead.wants ?? [], wants), this.number, drawnBy(plan), this.next !== null);
-    if (ahead.taken) this.loader.cache.dropGone();
+    const soon = this.lookAhead(plan, view);
+    explore(index, plan, this.ahead.unknown);
+    this.loader.want(joined(next.wants ?? [], joinWants([wants, soon])), this.number, drawnBy(plan), this.next !== null);
+    if (next.taken) this.loader.cache.dropGone();
     this.seen = seenOf(wants);
-    return { picture: !before || !samePlan(plan, before), detail, generation: ahead.taken };
+    return { picture: !before || !samePlan(plan, before), detail, generation: next.taken };
+  }
+
+  /** What the picture will want as the eye moves on. */
+  private lookAhead(plan: Plan, view: PlanView): readonly Want[] {
+    const { manifest, roots } = this.index;
+    const { pictures, geometry } = plan.cut;
+    const finest = [...pictures, ...geometry].reduce((least, { level }) => Math.min(least, level), Infinity);
+    const cell = manifest.grid.leafSize * 2 ** finest;
+    this.ahead.follow(view.eye, performance.now() / 1000, cell, this.parts.options().ahead);
+    return this.ahead.look({ roots, manifest, lacks: this.parts.servers.lacking() }, view);
   }
 
   /**
@@ -174,6 +204,7 @@ export class Session {
     }
     this.index.close();
     this.index = next;
+    this.ahead = new LookAhead();
     this.next = this.movedAt = null;
     return { taken: true, wants: null };
   }
@@ -187,7 +218,7 @@ export class Session {
   }
 
   /** A plan whose wants fit into the budget, as far as can be told before they are fetched. */
-  private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; wants: Want[]; detail: boolean } {
+  private planWithin(viewpoint: Viewpoint, width: number): { plan: Plan; view: PlanView; wants: Want[]; detail: boolean } {
     const { index } = this;
     const { options, servers } = this.parts;
     const lacks = servers.lacking();
@@ -196,7 +227,7 @@ export class Session {
       const plan = makePlan(index.roots, index.manifest.directions, view);
       const wants = listWants(index.roots, plan, index.manifest, view, lacks);
       const change = this.coarsening.adapt(seenOf(wants), options().cacheBytes);
-      if (change !== "coarser") return { plan, wants, detail: change === "finer" };
+      if (change !== "coarser") return { plan, view, wants, detail: change === "finer" };
     }
   }
 
@@ -265,8 +296,8 @@ function isKnown(index: WorldIndex, plan: Plan): boolean {
   return index.pending === 0 && ![...index.roots, ...plan.cut.unknown].some((cell) => index.isDue(cell));
 }
 
-function explore(index: WorldIndex, plan: Plan): void {
-  index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown]);
+function explore(index: WorldIndex, plan: Plan, ahead: readonly Cell[] = []): void {
+  index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown, ...ahead]);
 }
 
 /** Both lists, each value once. */

@@ -37,6 +37,18 @@ export interface WorldStats {
   readonly cache_budget: number;
   /** How many levels coarser the cut is than asked, because the budget would not hold it. */
   readonly coarsened: number;
+  /** Cells of the cut within the picture in whose place nothing is drawn, neither finer nor coarser. */
+  readonly cells_empty: number;
+  /** Share of the picture in which something coarser stands in, and by how many levels on average there. */
+  readonly stand_in_share: number;
+  readonly stand_in_levels: number;
+  /** Bytes fetched ahead and not decoded yet, and how many there may be. */
+  readonly ahead_bytes: number;
+  readonly ahead_budget: number;
+  /** Part of `cache_bytes` that is on the graphics card. */
+  readonly uploaded_bytes: number;
+  /** Values and index tiles asked for, needed now or not, that have not come. */
+  readonly under_way: number;
 }
 
 export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): WorldStats {
@@ -64,5 +76,12 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     cache_bytes: loader?.cache.bytes ?? 0,
     cache_budget: options.cacheBytes,
     coarsened: session?.coarsened ?? 0,
+    cells_empty: session?.shown?.empty ?? 0,
+    stand_in_share: session?.shown?.standInShare ?? 0,
+    stand_in_levels: session?.shown?.standInLevels ?? 0,
+    ahead_bytes: loader?.stock.bytes ?? 0,
+    ahead_budget: loader?.stock.budget ?? 0,
+    uploaded_bytes: loader?.uploaded ?? 0,
+    under_way: session?.underWay ?? 0,
   };
 }

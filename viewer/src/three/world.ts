@@ -284,7 +284,7 @@ export class FarfieldWorld extends Object3D {
   private applyOptions(): void {
     this.light.set(this.options.light);
     this.frame.setSky(this.options.sky);
-    if (this.session) this.session.loader.cache.budget = this.options.cacheBytes;
+    if (this.session) this.session.loader.budget = this.options.cacheBytes;
     this.invalidate();
     this.changed();
   }

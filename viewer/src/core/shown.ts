@@ -1,0 +1,134 @@
+import type { Cell } from "./cell.js";
+import { seesBox } from "./frustum.js";
+import type { Plan, PlanView } from "./plan.js";
+import { dot, type Box, type Vector3 } from "./vector.js";
+
+/** Leaves that are to be geometry count as this level: a picture in their place is at least one coarser. */
+const GEOMETRY_LEVEL = -1;
+/** Rays that the shares are counted by: across and down. */
+const RAYS = [32, 24] as const;
+
+/** How much of a picture is not as it should be. */
+export interface Shown {
+  /** Cells of the cut within the frustum in whose place nothing is drawn: no part of them, nothing below, nothing above. */
+  readonly empty: number;
+  /** Share of the picture in which something coarser stands in for what should be there. */
+  readonly standInShare: number;
+  /** Levels by which that is coarser, on average over that share; 0 without any. */
+  readonly standInLevels: number;
+}
+
+/** How a picture is seen, as rows: x = (toX · c) / (toW · c) for c from the eye. */
+export interface Projection {
+  readonly toX: Vector3;
+  readonly toY: Vector3;
+  readonly toW: Vector3;
+  /** Pixels. */
+  readonly width: number;
+  readonly height: number;
+}
+
+/**
+ * Compares what a plan draws with its cut. Shares are of a grid of rays, each of which meets the first of the cells' bounds: a
+ * cell hides what is behind its box.
+ */
+export function shownBy(plan: Plan, view: PlanView, projection: Projection): Shown {
+  const levels = new LevelsShown(plan, view);
+  const seen = levels.cells().filter(({ reach }) => seesBox(view.frustum, reach));
+  const missing = new Map(seen.map((cell) => [cell, levels.missing(cell)]));
+  let [hit, standing, coarser] = [0, 0, 0];
+  for (const direction of raysOf(projection)) {
+    const first = firstHit(seen, view.eye, direction);
+    if (!first) continue;
+    hit++;
+    const lacking = missing.get(first)!;
+    if (lacking <= 0 || lacking === Infinity) continue;
+    standing++;
+    coarser += lacking;
+  }
+  return {
+    empty: [...missing.values()].filter((lacking) => lacking === Infinity).length,
+    standInShare: hit > 0 ? standing / hit : 0,
+    standInLevels: standing > 0 ? coarser / standing : 0,
+  };
+}
+
+/** What is drawn in the place of each cell of a cut. */
+class LevelsShown {
+  private readonly pictures: ReadonlySet<Cell>;
+  private readonly leaves: ReadonlySet<unknown>;
+  private readonly asGeometry: ReadonlySet<Cell>;
+
+  constructor(
+    private readonly plan: Plan,
+    private readonly view: PlanView,
+  ) {
+    this.pictures = new Set(plan.pictures.map(({ cell }) => cell));
+    this.leaves = new Set(plan.geometry);
+    this.asGeometry = new Set(plan.cut.geometry);
+  }
+
+  /** Those of the cut that have something to show, or of which nothing is known. */
+  cells(): Cell[] {
+    const { pictures, geometry } = this.plan.cut;
+    const pictured = pictures.filter(({ views, unread }) => views.size > 0 || unread);
+    return this.view.farOnly ? pictured : [...pictured, ...geometry.filter(({ views, geometry: near }) => near || views.size > 0)];
+  }
+
+  /** Levels by which what is drawn is coarser than it should be; Infinity: nothing is drawn. */
+  missing(cell: Cell): number {
+    if (this.asGeometry.has(cell) && cell.geometry) {
+      return this.leaves.has(cell.geometry) ? 0 : this.above(cell) - GEOMETRY_LEVEL;
+    }
+    return this.pictures.has(cell) || this.isCoveredBelow(cell) ? 0 : this.above(cell) - cell.level;
+  }
+
+  /** Level of the nearest cell at or above that is drawn. */
+  private above(cell: Cell): number {
+    for (let found: Cell | null = cell; found; found = found.parent) if (this.pictures.has(found)) return found.level;
+    return Infinity;
+  }
+
+  private isCoveredBelow(cell: Cell): boolean {
+    if (cell.heldBelow === 0) return false;
+    if (cell.level === 0) return cell.geometry !== null && this.leaves.has(cell.geometry);
+    const seen = (cell.children ?? []).filter(({ reach }) => seesBox(this.view.frustum, reach));
+    return seen.length > 0 && seen.every((child) => this.pictures.has(child) || this.isCoveredBelow(child));
+  }
+}
+
+function* raysOf({ toX, toY, toW, width, height }: Projection): Generator<Vector3> {
+  const [columns, rows] = RAYS;
+  const [acrossX, acrossY, ahead] = [cross(toY, toW), cross(toW, toX), cross(toX, toY)];
+  // Which way round the rows are says the sign of their volume.
+  const sign = Math.sign(dot(toX, acrossX));
+  for (let n = 0; n < columns * rows; n++) {
+    const [x, y] = [(((n % columns) + 0.5) / columns) * width, ((Math.floor(n / columns) + 0.5) / rows) * height];
+    const along = (a: 0 | 1 | 2): number => sign * (x * acrossX[a] + y * acrossY[a] + ahead[a]);
+    yield [along(0), along(1), along(2)];
+  }
+}
+
+function firstHit(cells: readonly Cell[], eye: Vector3, direction: Vector3): Cell | null {
+  let [first, least]: [Cell | null, number] = [null, Infinity];
+  for (const cell of cells) {
+    const at = entry(cell.bounds, eye, direction);
+    if (at < least) [first, least] = [cell, at];
+  }
+  return first;
+}
+
+/** Where a ray enters a box, in its own lengths; 0 inside, Infinity when it misses. */
+function entry({ lower, upper }: Box, eye: Vector3, direction: Vector3): number {
+  let [from, to] = [0, Infinity];
+  for (let a = 0; a < 3; a++) {
+    const [one, other] = [(lower[a]! - eye[a]!) / direction[a]!, (upper[a]! - eye[a]!) / direction[a]!];
+    from = Math.max(from, Math.min(one, other));
+    to = Math.min(to, Math.max(one, other));
+  }
+  return from <= to ? from : Infinity;
+}
+
+function cross(a: Vector3, b: Vector3): Vector3 {
+  return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+}
