@@ -11,7 +11,7 @@ from farfield.kernels.splat import FOOTPRINT
 from farfield.octree.grid import Grid
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
-from farfield.view.shading import Light, lambert
+from farfield.view.shading import Light, lambert, seen_from
 from farfield.view.splats import Splats
 from view.plain_splat import PlainFrame, splat
 
@@ -94,8 +94,44 @@ def test_surface_holds_albedo_light_and_normal() -> None:
         elif np.array_equal(packed, layer.color[at]):
             n = np.array([frame.normal[y, x] >> s & 1023 for s in (0, 10, 20)]) / 511.0 - 1
             mean = n / np.linalg.norm(n) * layer.length[at] / 8
+            if not layer.connected[at] & 1:
+                mean = as_seen(mean, layer, at, camera)
             assert abs((surface >> 24) / 254 - lambert(mean, light)) < 0.006
     assert wrong <= 0.005 * len(plain.pixel) + 1
+
+
+def as_seen(mean: np.ndarray, layer: OrthoLayer, at: tuple[int, int], camera: Camera) -> np.ndarray:
+    """The mean normal of a loose pixel of direction 25 from the eye; mean: turned to the eye already."""
+    u, v, w = DIRECTIONS[25].axes
+    j, i = at
+    steps = layer.x + i + 0.5, layer.y + j + 0.5, (layer.depth_base + int(layer.depth[at])) / 8
+    point = np.array(GRID.corner) + GRID.pitch(0) * (steps[0] * u + steps[1] * v + steps[2] * w)
+    towards = camera.eye - point
+    return seen_from(mean * (1 if mean @ w < 0 else -1), -w, towards / np.linalg.norm(towards))
+
+
+def leaves(count: int, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Normals of leaves that face everywhere, turned to a camera, and how much of each it sees."""
+    normals = np.random.default_rng(5).normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    facing = normals @ camera
+    return normals * np.sign(facing)[:, None], np.abs(facing)
+
+
+@pytest.mark.parametrize("flat", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("aside", [0.0, 40.0, 75.0])
+@pytest.mark.parametrize("azimuth", [0.0, 90.0, 180.0])
+def test_leaves_are_lit_from_every_side_as_the_eye_sees_them(flat: float, aside: float, azimuth: float) -> None:
+    """A view's mean normals tell an eye far aside how bright leaves are that face everywhere, a share of them flat."""
+    light = Light(azimuth=azimuth, elevation=30.0)
+    camera, surface = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    eye = np.array([0.0, np.sin(np.radians(aside)), np.cos(np.radians(aside))])
+    pointed, area = leaves(200_000, camera)
+    mean = (1 - flat) * (pointed * area[:, None]).sum(0) / area.sum() + flat * surface
+    turned, seen = leaves(200_000, eye)
+    bright = (np.maximum(turned @ light.sun, 0) * seen).sum() / seen.sum()
+    expected = (1 - flat) * bright + flat * max(0.0, surface @ light.sun)
+    assert lambert(seen_from(mean, camera, eye), light) == pytest.approx(expected, abs=0.06 if 0 < flat < 1 else 0.015)
 
 
 def filled_by_discs(radius: float) -> float:

@@ -2,7 +2,8 @@ import { deflateRawSync } from "node:zlib";
 import { describe, expect, it } from "vitest";
 import * as core from "../src/core/index.js";
 import { crc32 } from "../src/core/crc32.js";
-import { readHash, writeHash } from "../src/app/hash.js";
+import { airOf, readHash, writeHash } from "../src/app/hash.js";
+import { defaultOptions } from "../src/three/options.js";
 import { aimOf, overview, reachOf } from "../src/app/pose.js";
 
 const MANIFEST = {
@@ -64,9 +65,14 @@ describe("decodeIndexTile", () => {
 describe("the address and the camera", () => {
   it("finds the view again that it kept", () => {
     const pose = { eye: [1.234, -5, 6] as const, target: [0, 0.5, 100000.25] as const, fov: 50 };
-    const kept = readHash(writeHash({ pose, sun: [225, 35] }), 40);
-    expect(kept).toEqual({ pose: { ...pose, eye: [1.23, -5, 6] }, sun: [225, 35] });
-    expect(readHash("#eye=1,2&target=x", 40)).toEqual({ pose: null, sun: null });
+    const air = { sky: "clear", haze: 2500, shadows: true };
+    const kept = readHash(writeHash({ pose, sun: [225, 35], air }), 40);
+    expect(kept).toEqual({ pose: { ...pose, eye: [1.23, -5, 6] }, sun: [225, 35], air });
+    expect(readHash("#eye=1,2&target=x&haze=-3&sky=red", 40)).toEqual({ pose: null, sun: null, air: {} });
+  });
+
+  it("says nothing of the air where it is as always", () => {
+    expect(writeHash({ pose: null, sun: [225, 35], air: airOf(defaultOptions()) })).toBe("#sun=225,35");
   });
 
   it("frames a box from the south-west, looking down", () => {

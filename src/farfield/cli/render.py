@@ -31,6 +31,11 @@ OutputOption = Annotated[Path, typer.Option("-o", "--output", metavar="PNG", hel
 FovOption = Annotated[float | None, typer.Option(metavar="DEGREES", help="Vertical; default: 60 degrees across.")]
 SizeOption = Annotated[str, typer.Option("--size", metavar="WxH", help="Pixels.")]
 SunOption = Annotated[str, typer.Option(metavar="AZIMUTH,ELEVATION", help="Degrees; azimuth from north, clockwise.")]
+SkyOption = Annotated[
+    str, typer.Option(metavar="R,G,B|clear", help="One colour, 0 to 255, or a clear sky that follows the sun.")
+]
+HazeOption = Annotated[float | None, typer.Option(metavar="M", min=0, help="How far one can see; default: for ever.")]
+AmbientOption = Annotated[float, typer.Option(min=0, help="Light from everywhere; the sun's is 1.")]
 NearOption = Annotated[
     float | None, typer.Option(metavar="M", min=0, help="Leaves nearer than this are geometry; default: r of the cut.")
 ]
@@ -53,7 +58,7 @@ DepthLayersOption = Annotated[int, typer.Option(metavar="1|2", min=1, max=2, hel
 SplatsOption = Annotated[
     str, typer.Option(metavar="SHAPE", help="Or, to compare: discs, warped-discs, ellipses, connected, sphericity.")
 ]
-BiasOption = Annotated[float, typer.Option(help="1 draws cells twice as fine, -1 twice as coarse.")]
+BiasOption = Annotated[float, typer.Option(help="1 draws cells twice as coarse, -1 twice as fine.")]
 
 
 def command(
@@ -64,6 +69,9 @@ def command(
     fov: FovOption = None,
     picture_size: SizeOption = "640x480",
     sun: SunOption = "225,35",
+    ambient: AmbientOption = 0.3,
+    sky: SkyOption = "158,191,235",
+    haze: HazeOption = None,
     near_radius: NearOption = None,
     far_only: FarOnlyOption = False,
     cells_from: CellsOption = None,
@@ -82,13 +90,10 @@ def command(
     Depth is written as NAME.depth.npy (metres, float32; that of splats up to one of their pixels too far), normals as
     NAME.normal.png, ids as NAME.id.npy.
     """
-    from farfield.view.shading import Light
-
     wanted, shape = _layers(layers), _splats(splats)
     width_height = size(picture_size, "--size")
     camera = _camera(eye, target, fov, width_height)
-    azimuth, elevation = numbers(sun, 2, "--sun")
-    light = Light(azimuth=azimuth, elevation=elevation)
+    light = _light(sun, ambient, sky, haze)
     if _is_world(place):
         picture = _of_world(
             place, camera, width_height, light, _grid(samples or SAMPLES_OF_WORLDS), wanted,
@@ -98,7 +103,7 @@ def command(
     else:
         left_out = _left_out(cells_from, camera, width_height, near_radius) if far_only else None
         picture = _of_source(place, camera, width_height, light, _grid(samples or SAMPLES_OF_SOURCES), wanted, left_out)
-    files = picture.save(output, None if transparent else light.sky_linear, wanted)
+    files = picture.save(output, None if transparent else light.backdrop(camera, width_height), wanted)
     report(_facts(picture, files), as_json=as_json, text=_text(picture, files))
 
 
@@ -106,6 +111,19 @@ def _is_world(place: str) -> bool:
     from farfield.store.opening import is_archive, is_url
 
     return is_url(place) or is_archive(place) or (Path(place) / "world.json").exists()
+
+
+def _light(sun: str, ambient: float, sky: str, haze: float | None) -> Light:
+    from farfield.errors import OptionError
+    from farfield.view.shading import Light
+
+    azimuth, elevation = numbers(sun, 2, "--sun")
+    if haze is not None and not haze > 0:
+        raise OptionError(f"one cannot see {haze} m", "--haze", "a number of metres above 0")
+    if sky == "clear":
+        return Light(ambient, azimuth=azimuth, elevation=elevation, sky="clear", haze=haze)
+    red, green, blue = (min(255, max(0, round(part))) for part in numbers(sky, 3, "--sky"))
+    return Light(ambient, azimuth=azimuth, elevation=elevation, sky=(red, green, blue), haze=haze)
 
 
 def _layers(text: str) -> tuple[str, ...]:

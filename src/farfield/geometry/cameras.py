@@ -60,6 +60,12 @@ class Camera:
         rows = np.stack([focal * right + width / 2 * forward, focal * down + height / 2 * forward, forward])
         return np.concatenate([rows, -(rows @ np.array(self.eye, dtype=np.float64))[:, None]], axis=1)
 
+    def rays(self, size: tuple[int, int]) -> NDArray[np.float64]:
+        """(h, w, 3) float64, world frame: from the eye through each pixel's centre, one metre along the view axis."""
+        width, height = size
+        y, x = np.mgrid[:height, :width] + 0.5
+        return np.asarray(np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(self.matrix(size)[:, :3]).T)
+
     def project(self, points: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
         """(..., 3) local metres -> (..., 3) float64 x, y in pixels and w in metres; meaningless where w <= 0."""
         matrix = self.matrix(size)

@@ -19,18 +19,21 @@ _NORMAL = np.float32(1.0 / 511.0)
 
 @kernel(
     types.void(
-        types.float32[:, ::1], types.uint32[:, ::1], types.Array(types.float32, 2, "C", readonly=True), types.int64,
+        types.float32[:, ::1], types.uint32[:, ::1], types.Array(types.float32, 2, "C", readonly=True),
+        types.Array(types.float32, 3, "C", readonly=True), types.int64,
         types.float32[:, :, ::1], types.float32[:, ::1], types.float32[:, ::1],
     )
 )  # fmt: skip
-def average_color(depth, surface, terms, k, color, alpha, nearest):  # type: ignore[no-untyped-def]
+def average_color(depth, surface, terms, veil, k, color, alpha, nearest):  # type: ignore[no-untyped-def]
     """Lights every sample and averages k x k of them.
 
     depth, surface: (k h, k w) as splat_layer leaves them. terms: (3, 3) float32, see Light.terms.
+    veil: (h, w, 4) float32 colour of the haze and its share a metre of depth, see Light.veil; (0, 0, 4): none.
     color: (h, w, 3) float32 linear light, mean of the covered samples; alpha: (h, w) float32; nearest: (h, w) float32
     metres, inf = nothing. All three are written.
     """
     height, width = alpha.shape
+    hazy = veil.shape[0] > 0
     for y in range(height):
         for x in range(width):
             red, green, blue, near = _F0, _F0, _F0, np.float32(np.inf)
@@ -51,9 +54,15 @@ def average_color(depth, surface, terms, k, color, alpha, nearest):  # type: ign
                         r *= terms[1, 0] + cosine * terms[2, 0]
                         g *= terms[1, 1] + cosine * terms[2, 1]
                         b *= terms[1, 2] + cosine * terms[2, 2]
-                    red += min(r, _F1)
-                    green += min(g, _F1)
-                    blue += min(b, _F1)
+                    r, g, b = min(r, _F1), min(g, _F1), min(b, _F1)
+                    if hazy:
+                        clear = math.exp(-veil[y, x, 3] * depth[j, i])
+                        r = veil[y, x, 0] + clear * (r - veil[y, x, 0])
+                        g = veil[y, x, 1] + clear * (g - veil[y, x, 1])
+                        b = veil[y, x, 2] + clear * (b - veil[y, x, 2])
+                    red += r
+                    green += g
+                    blue += b
             share = _F1 / np.float32(max(count, 1))
             color[y, x, 0], color[y, x, 1], color[y, x, 2] = red * share, green * share, blue * share
             alpha[y, x] = np.float32(count) / np.float32(k * k)

@@ -48,6 +48,7 @@ _FOOTPRINT = np.array(FOOTPRINT, dtype=np.float32)
 _COVERAGE = (np.arange(17) / 16.0).astype(np.float32)
 _OPEN_BITS = np.log2(np.maximum(1.0 - np.arange(17) / 16.0, 1e-30)).astype(np.float32)
 _LENGTH = (np.arange(9) / 8.0).astype(np.float32)
+_TWO_THIRDS = np.float32(2.0 / 3.0)
 _F0, _F1, _HALF, _QUARTER = np.float32(0.0), np.float32(1.0), np.float32(0.5), np.float32(0.25)
 _SLOPE = np.float32(STEEPEST)
 _LEAST = np.float32(0.001)
@@ -82,6 +83,27 @@ def _lambert(cosine, length):  # type: ignore[no-untyped-def]
         return _QUARTER + _HALF * mu
     spread = (_F1 - length) * (np.float32(0.36) + np.float32(0.28) * length)
     return _HALF * (mu + math.sqrt(mu * mu + spread * max(_F0, _F1 - cosine * cosine)))
+
+
+@device
+def _loose_light(nu, nv, nw, length, cu, cv, cw, sun):  # type: ignore[no-untyped-def]
+    """Mean of max(0, cos) to the sun for loose surfaces, which show the eye another side than the view's camera.
+
+    The mean normal (nu, nv, nw) * length is taken apart into leaves that face everywhere, whose mean as seen is two
+    thirds long and faces whoever looks, and a flat rest. The one turns to the eye, at -c; the other shows its side.
+    """
+    inverse = -_F1 / math.sqrt(cu * cu + cv * cv + cw * cw)
+    eu, ev, ew = cu * inverse, cv * inverse, cw * inverse
+    mu, mv, mw = length * nu, length * nv, length * nw
+    half = _F1 + _TWO_THIRDS * mw
+    root = math.sqrt(max(_F0, half * half - np.float32(5.0 / 9.0) * (_F1 - length * length)))
+    around = min(_TWO_THIRDS * min(_F1, np.float32(1.8) * (half - root)), -mw)
+    mw += around
+    side = -_F1 if mu * eu + mv * ev + mw * ew < _F0 else _F1
+    mu, mv, mw = side * mu + around * eu, side * mv + around * ev, side * mw + around * ew
+    seen = min(_F1, math.sqrt(mu * mu + mv * mv + mw * mw))
+    cosine = (mu * sun[0] + mv * sun[1] + mw * sun[2]) / max(seen, np.float32(1e-6))
+    return _lambert(cosine, seen)
 
 
 @device
@@ -163,11 +185,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             nu, nv, nw = DECODED[at, 0], DECODED[at, 1], -DECODED[at, 2]
             facing = nu * cu + nv * cv + nw * cw
             connected = flags[j, i] & 1 != 0
-            if connected:
-                if facing >= _F0:
-                    continue
-            elif facing > _F0:
-                nu, nv, nw = -nu, -nv, -nw
+            if connected and facing >= _F0:
+                continue
             # Of two views of the same surface the one that looks at it squarely shows more of it.
             front = d + pitch * (_F1 - abs(nw))
             inverse = _F1 / d
@@ -207,8 +226,11 @@ def splat_layer(  # type: ignore[no-untyped-def]
             drawn += 1
 
             mean = _LENGTH[length[j, i]]
-            cosine = nu * placement[SUN, 0] + nv * placement[SUN, 1] + nw * placement[SUN, 2]
-            light = _lambert(cosine, mean)
+            if connected:
+                cosine = nu * placement[SUN, 0] + nv * placement[SUN, 1] + nw * placement[SUN, 2]
+                light = _lambert(cosine, mean)
+            else:
+                light = _loose_light(nu, nv, nw, mean, cu, cv, cw, placement[SUN])
             byte = np.uint32(UNLIT_LIGHT) if flags[j, i] & 2 else np.uint32(light * _STEPS + _HALF)
             surface = np.uint32(
                 np.uint32(color[j, i, 0]) | (np.uint32(color[j, i, 1]) << np.uint32(8))
@@ -216,7 +238,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             packed = np.uint32(0)
             if with_normals:
-                packed = _pack_normal(placement, nu, nv, nw)
+                turned = -_F1 if facing > _F0 else _F1
+                packed = _pack_normal(placement, turned * nu, turned * nv, turned * nw)
             name = objects[j, i] if own_objects else np.uint32(0)
 
             x0 = math.floor(sx)

@@ -107,7 +107,7 @@ class Frame:
         return placement.astype(np.float32)
 
     def develop(self, light: Light) -> Picture:
-        """Lights the samples and averages them to a picture."""
+        """Lights the samples, puts haze before them and averages them to a picture."""
         width, height = self.size
         picture = Picture(
             np.empty((height, width, 3), np.float32),
@@ -117,7 +117,10 @@ class Frame:
             np.empty((height, width), np.uint32) if self.objects.size else None,
         )
         k = self.supersampling
-        average.average_color(self.depth, self.surface, light.terms, k, picture.color, picture.alpha, picture.depth)
+        veil = light.veil(self.camera, self.size)
+        average.average_color(
+            self.depth, self.surface, light.terms, veil, k, picture.color, picture.alpha, picture.depth
+        )
         if picture.normal is not None:
             average.average_normals(self.depth, self.normal, k, picture.normal)
         if picture.ids is not None:

@@ -50,7 +50,10 @@ class Picture:
     statistics: Statistics = field(default_factory=Statistics)
 
     def pixels(self, sky: NDArray[np.floating] | None) -> NDArray[np.uint8]:
-        """(h, w, 3) uint8 sRGB over the sky (linear light), or without one (h, w, 4) with straight alpha."""
+        """(h, w, 3) uint8 sRGB over a sky, or without one (h, w, 4) with straight alpha.
+
+        sky: (3,) or (h, w, 3) linear light.
+        """
         if sky is None:
             color = np.concatenate([srgb_from_linear(self.color), self.alpha[..., None]], -1)
         else:

@@ -6,7 +6,7 @@ import type { PageStats } from "./api.js";
 import { Controls } from "./controls.js";
 import { figuresOf, Rate } from "./figures.js";
 import { FrameTimer } from "./frametimer.js";
-import { readHash, writeHash } from "./hash.js";
+import { airOf, readHash, writeHash } from "./hash.js";
 import { Messages } from "./messages.js";
 import { MotionQuality } from "./motion.js";
 import { Panel } from "./panel.js";
@@ -15,6 +15,8 @@ import { DEFAULT_FOV, overview, type Pose } from "./pose.js";
 
 const FIGURES_MS = 250;
 const HASH_MS = 400;
+/** Options that the address keeps. */
+const KEPT = ["light", "sky", "haze", "shadows"] as const;
 const MOST_PIXELS_A_POINT = 2;
 
 /** The elements of the page. */
@@ -84,7 +86,7 @@ export class Application {
     const { supersampling, leastGain, layers } = this.world.options;
     this.motion.wanted = { supersampling, leastGain, layers };
     this.panel?.refresh();
-    if (changes.light) this.rememberSoon();
+    if (KEPT.some((name) => name in changes)) this.rememberSoon();
   }
 
   hideInterface(): void {
@@ -192,12 +194,13 @@ export class Application {
   /** Keeps the view in the address. */
   private remember(): void {
     const { azimuth, elevation } = this.world.options.light;
-    history.replaceState(null, "", writeHash({ pose: this.pose, sun: [azimuth, elevation] }));
+    history.replaceState(null, "", writeHash({ pose: this.pose, sun: [azimuth, elevation], air: airOf(this.world.options) }));
   }
 
   private readHash(): void {
-    const { pose, sun } = readHash(location.hash, DEFAULT_FOV);
+    const { pose, sun, air } = readHash(location.hash, DEFAULT_FOV);
     if (pose) this.controls.set(pose);
+    this.world.setOptions(air);
     if (sun) this.world.setOptions({ light: { azimuth: sun[0], elevation: sun[1] } });
     this.panel?.refresh();
   }

@@ -1,20 +1,29 @@
 /** The panel: figures on top, then light and quality, each a row made from a short description. */
 
-/** A slider or list of the panel. */
+/** A box to be ticked. */
+export interface Toggle {
+  readonly label: string;
+  readonly on: () => boolean;
+  readonly turn: (on: boolean) => void;
+}
+
+/** A slider of the panel. */
 export interface Control {
   readonly label: string;
   readonly min: number;
   readonly max: number;
   readonly step: number;
   readonly unit?: string;
+  /** What is shown of a value; by default the number and the unit. */
+  readonly text?: (value: number) => string;
   readonly get: () => number;
   readonly set: (value: number) => void;
 }
 
 export interface PanelParts {
   readonly title: string;
-  readonly light: readonly Control[];
-  readonly quality: readonly Control[];
+  readonly light: readonly (Control | Toggle)[];
+  readonly quality: readonly (Control | Toggle)[];
   readonly home: () => void;
   readonly share: () => void;
 }
@@ -46,7 +55,7 @@ export class Panel {
     row.append(button("Whole world", parts.home), button("Copy link", parts.share));
     const help = make("p", "help");
     help.textContent = HELP;
-    body.append(heading("Figures"), this.figures, heading("Sun"), ...this.controls(parts.light));
+    body.append(heading("Figures"), this.figures, heading("Light"), ...this.controls(parts.light));
     body.append(heading("Quality"), ...this.controls(parts.quality), row, help);
     root.replaceChildren(header, body);
     fold(matchMedia(SMALL).matches);
@@ -73,24 +82,40 @@ export class Panel {
     return value;
   }
 
-  private controls(list: readonly Control[]): HTMLElement[] {
-    return list.map(({ label, min, max, step, unit = "", get, set }) => {
-      const [row, name, input, output] = [make("label"), make("span"), document.createElement("input"), make("output")];
-      name.textContent = label;
-      Object.assign(input, { type: "range", min, max, step });
-      const refresh = (): void => {
-        input.value = String(get());
-        output.textContent = `${Math.round(get() * 100) / 100}${unit}`;
-      };
-      input.addEventListener("input", () => {
-        set(input.valueAsNumber);
-        refresh();
-      });
-      this.refreshers.push(refresh);
+  private controls(list: readonly (Control | Toggle)[]): HTMLElement[] {
+    return list.map((control) => ("turn" in control ? this.toggle(control) : this.slider(control)));
+  }
+
+  private toggle({ label, on, turn }: Toggle): HTMLElement {
+    const [row, name, input] = [make("label"), make("span"), document.createElement("input")];
+    name.textContent = label;
+    input.type = "checkbox";
+    input.addEventListener("change", () => turn(input.checked));
+    this.keep(() => (input.checked = on()));
+    row.append(name, input);
+    return row;
+  }
+
+  private slider({ label, min, max, step, unit = "", text, get, set }: Control): HTMLElement {
+    const [row, name, input, output] = [make("label"), make("span"), document.createElement("input"), make("output")];
+    name.textContent = label;
+    Object.assign(input, { type: "range", min, max, step });
+    const refresh = (): void => {
+      input.value = String(get());
+      output.textContent = text?.(get()) ?? `${Math.round(get() * 100) / 100}${unit}`;
+    };
+    input.addEventListener("input", () => {
+      set(input.valueAsNumber);
       refresh();
-      row.append(name, input, output);
-      return row;
     });
+    this.keep(refresh);
+    row.append(name, input, output);
+    return row;
+  }
+
+  private keep(refresh: () => void): void {
+    this.refreshers.push(refresh);
+    refresh();
   }
 }
 

@@ -1,5 +1,9 @@
+import { CLEAR_SKY, DEFAULT_SKY } from "../three/light.js";
 import type { OptionChanges, WorldOptions } from "../three/options.js";
-import type { Control } from "./panel.js";
+import type { Control, Toggle } from "./panel.js";
+
+/** The haze's slider: each step halves how far one can see, from twice this many metres on; 0 is no haze. */
+const CLEAREST = 100_000;
 
 /** Where the slider of tiles stands at 0. */
 const LEAST_GAIN = 10;
@@ -10,8 +14,8 @@ export interface Adjustable {
   setOptions(changes: OptionChanges): void;
 }
 
-/** The sliders of the panel. */
-export function controlsOf(page: Adjustable): { light: readonly Control[]; quality: readonly Control[] } {
+/** The sliders and boxes of the panel. */
+export function controlsOf(page: Adjustable): { light: readonly (Control | Toggle)[]; quality: readonly Control[] } {
   const options = (): WorldOptions => page.world.options;
   const set = (changes: OptionChanges): void => page.setOptions(changes);
   return {
@@ -28,6 +32,12 @@ export function controlsOf(page: Adjustable): { light: readonly Control[]; quali
         label: "Ambient", min: 0, max: 1, step: 0.05,
         get: () => options().light.ambient, set: (ambient) => set({ light: { ambient } }),
       },
+      {
+        label: "Haze", min: 0, max: 10, step: 0.25, text: () => visibility(options().haze),
+        get: () => stepOf(options().haze), set: (step) => set({ haze: step > 0 ? CLEAREST / 2 ** (step - 1) : null }),
+      },
+      { label: "Clear sky", on: () => options().sky === CLEAR_SKY, turn: (on) => set({ sky: on ? CLEAR_SKY : DEFAULT_SKY }) },
+      { label: "Shadows", on: () => options().shadows, turn: (shadows) => set({ shadows }) },
     ],
     quality: [
       {
@@ -44,4 +54,13 @@ export function controlsOf(page: Adjustable): { light: readonly Control[]; quali
       { label: "Detail", min: -3, max: 2, step: 0.25, get: () => -options().bias, set: (detail) => set({ bias: -detail }) },
     ],
   };
+}
+
+function stepOf(haze: number | null): number {
+  return haze === null ? 0 : Math.min(10, Math.max(0.25, 1 + Math.log2(CLEAREST / haze)));
+}
+
+function visibility(haze: number | null): string {
+  if (haze === null) return "none";
+  return haze < 950 ? `${Number(haze.toPrecision(2))} m` : `${Number((haze / 1000).toPrecision(2))} km`;
 }

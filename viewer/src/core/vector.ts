@@ -30,3 +30,17 @@ export function grown({ lower, upper }: Box, margin: number): Box {
     upper: [upper[0] + margin, upper[1] + margin, upper[2] + margin],
   };
 }
+
+export function cross(a: Vector3, b: Vector3): Vector3 {
+  return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+}
+
+export function distance(a: Vector3, b: Vector3): number {
+  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}
+
+/** Metres from a point to the farthest corner of a box. */
+export function farthestIn({ lower, upper }: Box, point: Vector3): number {
+  const along = (a: 0 | 1 | 2): number => Math.max(point[a] - lower[a], upper[a] - point[a]);
+  return Math.hypot(along(0), along(1), along(2));
+}

@@ -1,11 +1,16 @@
 import {
   BufferGeometry, CustomBlending, DepthTexture, Float32BufferAttribute, FloatType, Mesh, NearestFilter, NoColorSpace, OneFactor,
-  OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, Vector4, WebGLRenderTarget,
+  OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, WebGLRenderTarget,
   AlwaysDepth, type Camera, type Object3D, type WebGLRenderer, type Scene,
 } from "three";
-import { linear } from "./light.js";
+import type { Air } from "./air.js";
+import type { LightUniforms } from "./light.js";
+import type { Shadows } from "./shadows.js";
 import fragmentText from "./shaders/resolve.frag.glsl";
 import vertexText from "./shaders/resolve.vert.glsl";
+import shadowText from "./shaders/shadow.glsl";
+import skyText from "./shaders/sky.glsl";
+import type { Viewpoint } from "./viewpoint.js";
 
 /** The larger frame that the world is drawn into, and the triangle that averages it down into the scene. */
 export class Frame {
@@ -13,24 +18,26 @@ export class Frame {
   private target: WebGLRenderTarget | null = null;
   private samples = 1;
 
-  constructor() {
+  constructor(light: LightUniforms, air: Air, shadows: Shadows) {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
     const material = new ShaderMaterial({
       name: "farfield resolve",
       vertexShader: vertexText,
-      fragmentShader: fragmentText,
+      fragmentShader: [skyText, shadowText, fragmentText].join("\n"),
       depthFunc: AlwaysDepth,
       toneMapped: false,
       blending: CustomBlending,
       blendSrc: OneFactor,
       blendDst: OneMinusSrcAlphaFactor,
       uniforms: {
+        ...light,
+        ...air.uniforms,
+        ...shadows.uniforms,
         frame: { value: null },
         frameDepth: { value: null },
         samples: { value: 1 },
         near: { value: 1 },
-        sky: { value: new Vector4() },
         depthOf: { value: new Vector2() },
       },
     });
@@ -38,13 +45,6 @@ export class Frame {
     this.resolve.frustumCulled = false;
     this.resolve.renderOrder = -Infinity;
     this.resolve.visible = false;
-  }
-
-  /** The sky's CSS colour, or null for whatever the scene has behind the world. */
-  setSky(sky: string | null): void {
-    const value = this.resolve.material.uniforms["sky"]!.value as Vector4;
-    if (sky === null) value.set(0, 0, 0, 0);
-    else value.set(...linear(sky).toArray(), 1);
   }
 
   /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows. */
@@ -63,13 +63,10 @@ export class Frame {
     return this.target!.depthTexture!;
   }
 
-  /** Draws a scene into the frame, leaving the renderer as it was. */
-  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
-    drawApart(renderer, this.target!, () => {
-      clear(renderer);
-      renderer.render(scene, camera);
-    });
-    this.show(camera);
+  /** Draws a scene into the frame; it has been told of the viewpoint already. */
+  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera, viewpoint: Viewpoint): void {
+    renderInto(this.target!, renderer, scene, camera);
+    this.show(camera, viewpoint);
   }
 
   addTo(parent: Object3D): void {
@@ -82,16 +79,24 @@ export class Frame {
     this.resolve.material.dispose();
   }
 
-  private show(camera: Camera): void {
+  private show(camera: Camera, { near }: Viewpoint): void {
     const { uniforms } = this.resolve.material;
     const p = camera.projectionMatrix.elements;
     uniforms["frame"]!.value = this.target!.texture;
     uniforms["frameDepth"]!.value = this.target!.depthTexture;
     uniforms["samples"]!.value = this.samples;
-    uniforms["near"]!.value = (camera as unknown as { near: number }).near;
+    uniforms["near"]!.value = near;
     (uniforms["depthOf"]!.value as Vector2).set(p[10]!, p[14]!);
     this.resolve.visible = true;
   }
+}
+
+/** Draws a scene into a target that holds nothing yet, leaving the renderer as it was. */
+export function renderInto(target: WebGLRenderTarget, renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
+  drawApart(renderer, target, () => {
+    clear(renderer);
+    renderer.render(scene, camera);
+  });
 }
 
 /** Draws into a target without clearing it, and leaves the renderer as it was. */

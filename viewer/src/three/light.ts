@@ -1,5 +1,6 @@
 import { Color, Vector3 } from "three";
 import type { Vector3 as Triple } from "../core/vector.js";
+import { clearSky } from "./sky.js";
 
 /** Light on the world (spec/drawing.md, Light). Colours are sRGB, as CSS writes them. */
 export interface Light {
@@ -24,6 +25,9 @@ export const DEFAULT_LIGHT: Light = {
 
 export const DEFAULT_SKY = "rgb(158, 191, 235)";
 
+/** The sky that follows the sun. */
+export const CLEAR_SKY = "clear";
+
 /** Unit vector towards the sun, in the world's own frame. */
 export function sunDirection({ azimuth, elevation }: Light): Triple {
   const [a, e] = [(azimuth * Math.PI) / 180, (elevation * Math.PI) / 180];
@@ -35,9 +39,13 @@ export class LightUniforms {
   readonly ambientLight = { value: new Vector3() };
   readonly sunLight = { value: new Vector3() };
 
-  set(light: Light): void {
+  set(light: Light, sky: string | null): void {
     this.ambientLight.value.copy(linear(light.ambientColor).multiplyScalar(light.ambient));
     this.sunLight.value.copy(linear(light.sunColor).multiplyScalar(light.strength));
+    if (sky !== CLEAR_SKY) return;
+    const { ambient, sunlight } = clearSky(sunDirection(light));
+    this.ambientLight.value.multiply(new Vector3(...ambient));
+    this.sunLight.value.multiply(new Vector3(...sunlight));
   }
 }
 

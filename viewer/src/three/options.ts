@@ -18,8 +18,15 @@ export interface WorldOptions {
   /** Leave the near geometry out. */
   readonly farOnly: boolean;
   readonly light: Light;
-  /** CSS colour; null leaves whatever the scene has behind the world. */
+  /**
+   * CSS colour; "clear": a sky that follows the sun, which then colours its light and the ambient light too; null leaves
+   * whatever the scene has behind the world.
+   */
   readonly sky: string | null;
+  /** Metres that one can see through the haze; null: for ever. */
+  readonly haze: number | null;
+  /** Whether the sun casts shadows. */
+  readonly shadows: boolean;
   /** Bytes that decoded tiles and geometry may take; what is in the picture stays even beyond it. */
   readonly cacheBytes: number;
   /** Seconds of the eye's flight for which the world is fetched ahead; 0: only what is in the picture and round it. */
@@ -48,6 +55,8 @@ export function defaultOptions(): WorldOptions {
     farOnly: false,
     light: DEFAULT_LIGHT,
     sky: DEFAULT_SKY,
+    haze: null,
+    shadows: false,
     cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
     ahead: 8,
     uploadBytes: 4 << 20,

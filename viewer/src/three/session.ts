@@ -8,19 +8,20 @@ import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
 import type { Servers } from "../core/servers.js";
 import { shownBy, type Shown } from "../core/shown.js";
-import { distanceTo } from "../core/vector.js";
+import { distanceTo, farthestIn, type Vector3 } from "../core/vector.js";
 import { listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
 import { DepthReader } from "./depthreader.js";
-import type { Frame } from "./frame.js";
+import { renderInto, type Frame } from "./frame.js";
 import { sunDirection, type LightUniforms } from "./light.js";
 import { NearGeometry } from "./near/geometry.js";
 import { TextureShelf } from "./near/textures.js";
 import type { WorldOptions } from "./options.js";
 import { ThreePreparer } from "./preparer.js";
-import { Splats } from "./splats.js";
+import type { Shadows } from "./shadows.js";
+import { Splats, type SplatView } from "./splats.js";
 import type { Viewpoint } from "./viewpoint.js";
 
 /** Milliseconds for which a new generation waits to be complete once the view moves: a flight may never rest. */
@@ -36,6 +37,7 @@ export interface SessionParts {
   readonly group: Group;
   readonly scene: Scene;
   readonly frame: Frame;
+  readonly shadows: Shadows;
   readonly renderer: () => WebGLRenderer;
   readonly options: () => WorldOptions;
 }
@@ -231,15 +233,14 @@ export class Session {
     }
   }
 
-  /** Draws the last plan into the frame. */
-  draw(camera: Camera, largestPoint: number): void {
+  /** Draws the last plan into the frame; `width`: of the picture, pixels. */
+  draw(camera: Camera, largestPoint: number, width: number): void {
     const { frame, scene, renderer, options } = this.parts;
-    const { pictures, geometry } = this.plan!;
     const { light, culling } = options();
     const [viewpoint, sun] = [this.viewpoint!, sunDirection(light)];
-    this.splats.set(pictures, { viewpoint, sun, largest: largestPoint, culling, before: this.before });
-    this.near.set(geometry, viewpoint, sun);
-    frame.draw(renderer(), scene, camera);
+    this.drawShadows(camera, largestPoint, width, sun);
+    this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culling, before: this.before, bothSides: false });
+    frame.draw(renderer(), scene, camera, viewpoint);
     this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
     if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
   }
@@ -258,6 +259,25 @@ export class Session {
     if (!this.splats.culler!.isRight(pyramid)) return this.events.lacking();
     this.unsure = null;
     this.events.arrived();
+  }
+
+  private place({ pictures, geometry }: Plan, view: SplatView): void {
+    this.splats.set(pictures, view);
+    this.near.set(geometry, view.viewpoint, view.sun);
+  }
+
+  /** Brings the shadows up to date: what casts them is the same cut on all sides, as far as it is held. */
+  private drawShadows(camera: Camera, largest: number, width: number, sun: Vector3): void {
+    const { shadows, scene, renderer, options } = this.parts;
+    if (!options().shadows || sun[2] <= 0) return shadows.clear();
+    const { eye } = this.viewpoint!;
+    const { roots, manifest } = this.index;
+    const plan = makePlan(roots, manifest.directions, { ...this.viewOf(this.viewpoint!, width), frustum: [] });
+    const farthest = roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 0);
+    shadows.update(renderer(), { eye, sun, plan, nearest: this.clearance ?? 0, farthest }, (viewpoint, target) => {
+      this.place(plan, { viewpoint, sun, largest, culling: "frustum", before: null, bothSides: true });
+      renderInto(target, renderer(), scene, camera);
+    });
   }
 
   dispose(): void {

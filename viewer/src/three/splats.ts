@@ -39,6 +39,8 @@ export interface SplatView {
   readonly culling: Culling;
   /** How far one saw in a picture drawn before. */
   readonly before: DepthPyramid | null;
+  /** Whether what faces away is drawn too. */
+  readonly bothSides: boolean;
 }
 
 /** Draws orthoviews as splats, the runs of a tile's pixels that may be seen in one call. */
@@ -79,6 +81,7 @@ export class Splats {
         focal: { value: 1 },
         near: { value: 1 },
         largest: { value: 64 },
+        bothSides: { value: false },
         frame: { value: new Vector2() },
         holes: { value: holeTexture(new Uint32Array(TABLE_WIDTH)) },
         holeNode: { value: 1 },
@@ -92,7 +95,7 @@ export class Splats {
   }
 
   /** Takes what is to be drawn; what is certain not to be seen is left out. */
-  set(draws: readonly PictureDraw[], { viewpoint, sun, largest, culling, before }: SplatView): void {
+  set(draws: readonly PictureDraw[], { viewpoint, sun, largest, culling, before, bothSides }: SplatView): void {
     this.viewpoint = viewpoint;
     this.sun = sun;
     this.tiles = 0;
@@ -113,6 +116,7 @@ export class Splats {
     uniforms["focal"]!.value = viewpoint.focal;
     uniforms["near"]!.value = viewpoint.near;
     uniforms["largest"]!.value = largest;
+    uniforms["bothSides"]!.value = bothSides;
     (uniforms["frame"]!.value as Vector2).set(viewpoint.width, viewpoint.height);
     this.uploadTable();
   }

@@ -38,7 +38,8 @@ function combine(a: Vector3, x: number, b: Vector3, y: number): Vector3 {
   return [a[0] * x + b[0] * y, a[1] * x + b[1] * y, a[2] * x + b[2] * y];
 }
 
-function frustumOf(
+/** Half spaces of what a viewpoint sees. */
+export function frustumOf(
   eye: Vector3, toX: Vector3, toY: Vector3, toW: Vector3, near: number, width: number, height: number,
 ): Frustum {
   const through = (normal: Vector3, offset = 0) => ({ normal, offset: offset - dot(normal, eye) });

@@ -8,12 +8,14 @@ import { sameFrame, type Manifest } from "../core/manifest.js";
 import { Server, Servers } from "../core/servers.js";
 import type { Source } from "../core/source.js";
 import { WorldIndex } from "../core/world.js";
+import { Air } from "./air.js";
 import { Frame } from "./frame.js";
 import { Generations } from "./generations.js";
 import { LightUniforms } from "./light.js";
 import { openManifest, sourceOf } from "./opening.js";
 import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
 import { Session } from "./session.js";
+import { Shadows } from "./shadows.js";
 import { statsOf, type WorldStats } from "./stats.js";
 import { viewpointOf } from "./viewpoint.js";
 import { makeWorker } from "./worker.js";
@@ -46,8 +48,10 @@ export class FarfieldWorld extends Object3D {
   private generations: Generations | null = null;
   private readonly inner = new Scene();
   private readonly group = new Group();
-  private readonly frame = new Frame();
   private readonly light = new LightUniforms();
+  private readonly air = new Air();
+  private readonly shadows = new Shadows();
+  private readonly frame = new Frame(this.light, this.air, this.shadows);
   private readonly pool: DecodePool;
   private readonly home: Server;
   private servers: Servers | null = null;
@@ -119,7 +123,9 @@ export class FarfieldWorld extends Object3D {
     const drawing = this.drawDirty && may;
     if (drawing) {
       this.drawDirty = this.mustDraw = false;
-      session.draw(camera, this.largestPoint);
+      session.draw(camera, this.largestPoint, size.x);
+      // Shadow maps that could wait are drawn with the next frames.
+      if (this.shadows.stale > 0) this.drawDirty = true;
     }
     this.settle(session);
     return drawing;
@@ -157,6 +163,7 @@ export class FarfieldWorld extends Object3D {
     this.session?.dispose();
     this.session = null;
     this.pool.dispose();
+    this.shadows.clear();
     this.frame.dispose();
   }
 
@@ -185,10 +192,10 @@ export class FarfieldWorld extends Object3D {
       bad: (key, error, of) => this.doubt(key, error, () => of.manifest === this.session?.newest),
       grown: () => this.changed(),
     });
-    const { pool, light, group, frame, inner } = this;
+    const { pool, light, group, frame, shadows, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;
     const options = (): WorldOptions => this.options;
-    const parts = { index, servers, pool, light, group, scene: inner, frame, renderer, options };
+    const parts = { index, servers, pool, light, group, scene: inner, frame, shadows, renderer, options };
     this.session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
@@ -237,6 +244,7 @@ export class FarfieldWorld extends Object3D {
     this.planDirty = this.arrived = false;
     const framed = this.frame.resize(renderer, size.x, size.y, this.options.supersampling);
     const viewpoint = viewpointOf(camera, this.matrixWorld, framed.width, framed.height);
+    this.air.see(viewpoint, framed.width / size.x);
     const different = session.choose(viewpoint, size.x);
     if (different.picture) this.drawDirty = true;
     if (different.detail) this.changed();
@@ -282,8 +290,8 @@ export class FarfieldWorld extends Object3D {
   }
 
   private applyOptions(): void {
-    this.light.set(this.options.light);
-    this.frame.setSky(this.options.sky);
+    this.light.set(this.options.light, this.options.sky);
+    this.air.set(this.options);
     if (this.session) this.session.loader.budget = this.options.cacheBytes;
     this.invalidate();
     this.changed();

@@ -41,7 +41,6 @@ export class NearMaterials {
     if (surface.map) defines["TEXTURED"] = "";
     if (surface.cutoff > 0) defines["CUT_OUT"] = "";
     if (surface.colored) defines["COLORED"] = "";
-    if (surface.twoSided) defines["TWO_SIDED"] = "";
     if (surface.unlit) defines["UNLIT"] = "";
     if (instanced) defines["INSTANCED"] = "";
     if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();

@@ -14,7 +14,6 @@ export interface NearSurface {
   readonly factor: readonly [number, number, number, number];
   /** Alpha below this is a hole. */
   readonly cutoff: number;
-  readonly twoSided: boolean;
   readonly unlit: boolean;
   readonly colored: boolean;
 }

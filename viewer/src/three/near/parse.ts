@@ -80,8 +80,6 @@ function surfaceOf(material: Material, geometry: BufferGeometry): NearSurface {
     map: geometry.hasAttribute("uv") ? map : null,
     factor: [color.r, color.g, color.b, material.opacity],
     cutoff: material.alphaTest > 0 ? material.alphaTest : material.transparent ? BLEND_CUTOFF : 0,
-    // 2 is three's DoubleSide.
-    twoSided: material.side === 2,
     unlit: (material as MeshBasicMaterial).isMeshBasicMaterial === true,
     colored: geometry.hasAttribute("color"),
   };

@@ -44,14 +44,14 @@ void main() {
 #ifdef CUT_OUT
     if (surface.a < cutoff) discard;
 #endif
-    vec3 n = normalize(facing);
-#ifdef TWO_SIDED
-    if (dot(n, point) > 0.0) n = -n;
-#endif
 #ifdef UNLIT
-    color = vec4(surface.rgb, 1.0);
+    color = vec4(surface.rgb, 0.0);
 #else
-    color = vec4(lit(surface.rgb, dot(n, sun), 1.0), 1.0);
+    // Which side faces the eye the surface itself decides, as in the bake: open shells and leaves show their back.
+    vec3 plane = cross(dFdx(point), dFdy(point));
+    float side = dot(plane, point) * dot(plane, facing);
+    vec3 n = normalize(side > 0.0 ? -facing : facing);
+    color = lit(surface.rgb, dot(n, sun), 1.0);
 #endif
     gl_FragDepth = near * gl_FragCoord.w;
 }

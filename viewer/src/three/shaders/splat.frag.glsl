@@ -5,7 +5,7 @@ uniform float near;
 flat in vec4 centre;
 flat in vec3 conic;
 flat in vec2 slope;
-flat in vec3 radiance;
+flat in vec4 radiance;
 
 out vec4 color;
 
@@ -18,5 +18,5 @@ void main() {
         else if (floor(gl_FragCoord.xy) != floor(centre.xy)) discard;
     }
     gl_FragDepth = near / max(d, near);
-    color = vec4(radiance, 1.0);
+    color = radiance;
 }

@@ -13,12 +13,13 @@ uniform vec3 sun;
 uniform float focal;    // pixels
 uniform float near;
 uniform float largest;  // widest point the card draws
+uniform bool bothSides; // for shadows: what faces away casts them too
 uniform vec2 frame;     // width and height, pixels
 
 flat out vec4 centre;   // x, y, depth, 1 for an ellipse or 0 for a single pixel
 flat out vec3 conic;    // |inverse(T) q|^2 = conic . (qx qx, qx qy, qy qy)
 flat out vec2 slope;    // of depth over the screen
-flat out vec3 radiance;
+flat out vec4 radiance; // alpha: see light.glsl
 
 const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
 const float STEEPEST = 4.0;
@@ -53,8 +54,7 @@ void main() {
     vec3 n = normalOf(position.z);
     float facing = dot(n, c);
     bool connected = (position.z & 0x80000u) != 0u;
-    if (connected && facing >= 0.0) return;
-    if (!connected && facing > 0.0) n = -n;
+    if (connected && facing >= 0.0 && !bothSides) return;
     if (!drawnHere(c)) return;
 
     // Of two views of the same surface the one that looks at it squarely shows more of it.
@@ -106,6 +106,11 @@ void main() {
         vec3(float(position.y & 255u), float((position.y >> 8) & 255u), float((position.y >> 16) & 255u)) / 255.0);
     float len = float(((position.z >> 16) & 7u) + 1u) * 0.125;
     bool unlit = (position.z & 0x100000u) != 0u;
-    radiance = unlit ? albedo : lit(albedo, dot(n, sun), len);
+    if (!connected) {
+        vec3 seen = seenFromEye(n * len, c);
+        len = min(length(seen), 1.0);
+        n = seen / max(len, 1e-6);
+    }
+    radiance = unlit ? vec4(albedo, 0.0) : lit(albedo, dot(n, sun), len);
     gl_Position = vec4(2.0 * s / frame - 1.0, 0.0, 1.0);
 }
