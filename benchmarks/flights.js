@@ -27,8 +27,10 @@ window.flight = (() => {
 
   const turn = () => new Promise((resolve) => later(resolve, 0));
   // One frame, `milliseconds` after the last: what it took by the wall until all was drawn, and the page's figures.
-  flight.step = (milliseconds, pose) => {
+  // `drawn` false leaves the splats and triangles out of it.
+  flight.step = (milliseconds, pose, drawn) => {
     flight.now += milliseconds;
+    farfield.world.group.visible = drawn;
     if (pose) farfield.setCamera(pose);
     const began = wall();
     const callbacks = [...flight.callbacks.values()];

@@ -8,7 +8,6 @@ second is decoded before the next frame; the decoder is no part of what is measu
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -36,6 +35,8 @@ SETTLE_SECONDS = 0.3
 """By the wall, for requests on their way between page and server."""
 CONNECTIONS = 5
 """Browsers open six to a server, one of which listens for new generations; what is asked for beyond them waits."""
+MOST = ("cache_bytes", "uploaded_bytes", "ahead_bytes", "coarsened")
+"""Figures of the page of which the greatest is told."""
 SCRIPT = Path(__file__).with_suffix(".js")
 
 
@@ -71,6 +72,8 @@ class Journey:
     options: dict[str, Any] = field(default_factory=dict)
     """Of the page."""
     size: tuple[int, int] = (640, 480)
+    drawn_every: int = 1
+    """Frames; of the others, or with 0 of all, everything is done but drawing itself: software needs seconds for it."""
 
     def poses(self) -> Iterator[Pose]:
         """One a frame."""
@@ -90,56 +93,61 @@ class Journey:
 class Flown:
     """What a flight gave, one entry a frame."""
 
-    frames: list[dict[str, float]]
-    processor: list[float]
-    """Milliseconds of processor time of the page's thread and of the process that draws."""
-
-    def after(self, seconds: float) -> list[dict[str, float]]:
-        """The frames from then on."""
-        return self.frames[round(seconds / FRAME) :]
+    journey: Journey
+    frames: list[dict[str, float]] = field(default_factory=list)
+    processor: list[float] = field(default_factory=list)
+    """Milliseconds of processor time of the page's thread and of the process that draws; empty where nobody tells."""
 
     def facts(self, settled: float = 3.0) -> dict[str, Any]:
-        """Figures; what is drawn counts from `settled` seconds on, memory throughout."""
-        frames = self.after(settled)
-        share = sorted(frame["stand_in_share"] for frame in frames)
-        spent = self.processor[round(settled / FRAME) :]
+        """Figures; what is shown counts from `settled` seconds on, memory throughout."""
+        first = round(settled / FRAME)
+        frames, last = self.frames[first:], self.frames[-1]
+        empty = [frame["cells_empty"] > 0 for frame in self.frames]
+        share = [frame["stand_in_share"] for frame in frames]
+        levels = [frame["stand_in_share"] * frame["stand_in_levels"] for frame in frames]
         return {
             "frames": len(self.frames),
-            "frames_with_empty_cells": sum(frame["cells_empty"] > 0 for frame in frames),
-            "frames_with_empty_cells_before": sum(frame["cells_empty"] > 0 for frame in self.frames) - sum(
-                frame["cells_empty"] > 0 for frame in frames
-            ),
-            "frames_with_stand_ins": sum(frame["stand_in_share"] > 0 for frame in frames),
-            "stand_in_share_mean": _round(sum(share) / len(share)),
-            "stand_in_share_p99": _round(percentile(share, 0.99)),
-            "stand_in_levels": _round(
-                sum(f["stand_in_share"] * f["stand_in_levels"] for f in frames) / max(sum(share), 1e-9)
-            ),
-            "bytes": self.frames[-1]["bytes"],
-            "bytes_after": self.frames[-1]["bytes"] - frames[0]["bytes"],
-            "requests": self.frames[-1]["requests"],
-            "cache_most": max(frame["cache_bytes"] for frame in self.frames),
-            "cache_budget": self.frames[0]["cache_budget"],
-            "uploaded_most": max(frame["uploaded_bytes"] for frame in self.frames),
-            "ahead_most": max(frame["ahead_bytes"] for frame in self.frames),
-            "ahead_budget": self.frames[0]["ahead_budget"],
-            "coarsened_most": max(frame["coarsened"] for frame in self.frames),
-            "frame_ms": _times([frame["drawn_ms"] for frame in frames]),
-            "script_ms": _times([frame["script_ms"] for frame in frames]),
-            "processor_ms": _times(spent) if spent else None,
+            "frames_with_empty_cells": sum(empty[first:]),
+            "frames_with_empty_cells_at_first": sum(empty[:first]),
+            "frames_with_stand_ins": sum(one > 0 for one in share),
+            "stand_in_share": _round(sum(share) / len(share)),
+            "stand_in_levels": _round(sum(levels) / max(sum(share), 1e-9)),
+            "levels_lost": _round(sum(levels) / len(share)),
+            "levels_lost_p99": _round(percentile(levels, 0.99)),
+            "bytes": last["bytes"],
+            "requests": last["requests"],
+            "most": {name: max(frame[name] for frame in self.frames) for name in MOST},
+            "budget": {name: last[name] for name in ("cache_budget", "ahead_budget")},
+            "times": self._times(first),
         }
+
+    def _times(self, first: int) -> dict[str, Any]:
+        """Milliseconds a frame: of those that are drawn, and of all without drawing."""
+        drawn = range(0, len(self.frames), self.journey.drawn_every or len(self.frames) + 1)
+        after = [n for n in drawn if n >= first]
+        facts: dict[str, Any] = {"script": _spread([frame["script_ms"] for frame in self.frames[first:]])}
+        if self.journey.drawn_every and after:
+            facts |= {"frames_drawn": len(after), "drawn": _spread([self.frames[n]["drawn_ms"] for n in after])}
+        if self.processor:
+            facts["processor"] = _spread([self.processor[n] for n in range(first, len(self.frames)) if n not in drawn])
+            if "drawn" in facts:
+                facts["processor_drawn"] = _spread([self.processor[n] for n in after])
+        return facts
 
 
 def fly(browser: Browser, journey: Journey, bandwidth: float | None, delay: float) -> Flown:
-    """Flies from an empty cache on; the clock starts with the first frame. bandwidth: bytes a second; delay: seconds."""
+    """Flies, beginning with an empty cache. bandwidth: bytes a second; delay: seconds."""
     clock = SteppedClock()
     options = ServeOptions(port=0, bandwidth=bandwidth, delay=delay, clock=clock, stall_seconds=STALL_SECONDS)
     with serving(journey.store, options) as url, _opened(browser, url, journey, clock) as page:
         drawn_by = _drawing_threads(browser)
-        flown = Flown([], [])
-        for pose in journey.poses():
+        flown = Flown(journey)
+        for n, pose in enumerate(journey.poses()):
             before = _spent(drawn_by)
-            frame = page.evaluate("([ms, pose]) => flight.step(ms, pose)", [1000 * FRAME, pose.given])
+            frame = page.evaluate(
+                "given => flight.step(...given)",
+                [1000 * FRAME, pose.given, journey.drawn_every > 0 and n % journey.drawn_every == 0],
+            )
             flown.frames.append(frame)
             if drawn_by:
                 flown.processor.append(_spent(drawn_by) - before)
@@ -169,12 +177,12 @@ def _opened(browser: Browser, url: str, journey: Journey, clock: SteppedClock) -
 
 @contextmanager
 def _running(clock: SteppedClock) -> Iterator[None]:
-    """Lets the clock go by the wall meanwhile."""
+    """Lets the clock go meanwhile, faster than the wall's."""
     ended = Event()
 
     def run() -> None:
         while not ended.wait(0.01):
-            clock.advance(0.01)
+            clock.advance(0.05)
 
     thread = Thread(target=run)
     thread.start()
@@ -224,15 +232,12 @@ def percentile(values: list[float], share: float) -> float:
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
-def _times(values: list[float]) -> dict[str, float]:
+def _spread(values: list[float]) -> dict[str, float] | None:
+    if not values:
+        return None
     middle, high = median(values), percentile(values, 0.99)
     return {"median": _round(middle), "p99": _round(high), "ratio": _round(high / middle)}
 
 
 def _round(value: float) -> float:
     return round(value, 4) if abs(value) < 10 else round(value, 1)
-
-
-def processors() -> int:
-    """Of this machine."""
-    return os.cpu_count() or 1

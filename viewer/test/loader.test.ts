@@ -220,4 +220,90 @@ describe("Loader", () => {
     loader.install(2500);
     expect(list.filter(({ held }) => held)).toHaveLength(3);
   });
+
+  describe("what is not needed now", () => {
+    const AHEAD = 2;
+    const fetched = (list: Resource[]): number => list.filter(({ state }) => state === "fetched").length;
+
+    it("is fetched into a stock of its own budget, decoded while the cache has room, and uploaded after what is needed", async () => {
+      serve(() => bytes(1000));
+      const { loader } = makeLoader(12_000);
+      const list = resources(20);
+      loader.sizes.learn(Object.assign(new Resource("orthoview/seen", "orthoview", 1e9, null), { size: 1e9 }));
+      loader.want(list.map((resource) => want(resource, AHEAD)), 1);
+      await settle();
+      // 70 % of the cache, and as many more as a twelfth of it holds undecoded.
+      expect(loader.cache.bytes).toBe(8000);
+      expect(fetched(list)).toBe(1);
+      expect(loader.stock.bytes).toBeLessThanOrEqual(loader.stock.budget);
+      loader.install(1e9);
+      expect(loader.uploaded).toBeGreaterThan(0);
+      expect(loader.uploaded).toBeLessThanOrEqual(12_000 * 0.6 + 1000);
+    });
+
+    it("is decoded at once when the picture comes to need it, and not asked for again", async () => {
+      const asked = serve(() => bytes(1000));
+      const { loader } = makeLoader(12_000, (resource, found) => Promise.resolve({ size: resource.key === "orthoview/0" ? 9000 : found.length, install: () => found }));
+      const [large, small] = resources(2);
+      loader.want([want(large!)], 1);
+      await settle();
+      loader.install(1e9);
+      loader.want([want(large!), want(small!, AHEAD)], 2);
+      await settle();
+      expect(small!.state).toBe("fetched");
+      loader.want([want(large!), want(small!)], 3);
+      await settle();
+      expect(small!.state).toBe("ready");
+      expect(asked).toEqual(["orthoview/0", "orthoview/1"]);
+    });
+
+    it("never drives out what the picture uses", async () => {
+      serve(() => bytes(1000));
+      const { loader, seen } = makeLoader(10_000);
+      loader.sizes.learn(Object.assign(new Resource("orthoview/seen", "orthoview", 1e9, null), { size: 1e9 }));
+      const list = resources(40);
+      const needed = list.slice(0, 6);
+      for (let number = 1; number <= 5; number++) {
+        loader.want([...needed.map((resource) => want(resource)), ...list.slice(6).map((resource) => want(resource, AHEAD))], number);
+        await settle();
+        loader.install(1e9);
+      }
+      expect(needed.every(({ held }) => held)).toBe(true);
+      expect(seen.disposed).toEqual([]);
+      expect(loader.cache.bytes).toBeLessThanOrEqual(10_000);
+    });
+
+    it("has two requests at most, so that the others stay free for what is needed", async () => {
+      const asked = serve(() => new Promise(() => undefined));
+      const { loader } = makeLoader(1e9);
+      const list = resources(40);
+      loader.want(list.map((resource) => want(resource, AHEAD)), 1);
+      expect(asked).toHaveLength(2);
+      loader.want([want(list[39]!), ...list.slice(0, 39).map((resource) => want(resource, AHEAD))], 2);
+      expect(asked).toEqual(["orthoview/0", "orthoview/1", "orthoview/39"]);
+    });
+
+    it("is dropped from the stock when nobody wants it and the room is needed", async () => {
+      serve(() => bytes(1000));
+      const { loader } = makeLoader(1e6);
+      loader.cache.budget = 0;
+      loader.stock.budget = 3500;
+      const list = resources(6);
+      loader.want(list.slice(0, 3).map((resource) => want(resource, AHEAD)), 1);
+      await settle();
+      expect(fetched(list)).toBe(3);
+      loader.stock.budget = 1500;
+      loader.want(list.slice(2).map((resource) => want(resource, AHEAD)), 2);
+      await settle();
+      expect(list.map(({ state }) => state)).toEqual(["absent", "absent", "fetched", "absent", "absent", "absent"]);
+    });
+  });
+
+  it("asks for two large values at once, and lets small ones pass them", () => {
+    const asked = serve(() => new Promise(() => undefined));
+    const { loader } = makeLoader(1e9);
+    const large = Array.from({ length: 4 }, (_, n) => new Resource(`geometry/${n}`, "geometry", 5e6, null));
+    loader.want([...large, ...resources(2)].map((resource) => want(resource)), 1);
+    expect(asked).toEqual(["geometry/0", "geometry/1", "orthoview/0", "orthoview/1"]);
+  });
 });

@@ -34,6 +34,9 @@ const REQUESTS = 6;
 /** To all of them, as far as each has two: more would only share the same line. */
 const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
+/** Bytes of a value that has a request to itself, and how many such come at once: on a slow link the small ones go on beside them. */
+const LARGE_BYTES = 1 << 20;
+const LARGE_REQUESTS = 2;
 /** Values under way and decoded but not uploaded, of all servers together; more would only grow old. */
 const UNDER_WAY = 128;
 
@@ -208,6 +211,7 @@ export class Loader {
     let alone = !ahead && this.waiting === 0 && !this.isNeededFrom(server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
     const limit = ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES;
+    let large = LARGE_REQUESTS - asked.filter(({ resources }) => resources.some(isLarge)).length;
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.loading.size + this.waiting < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
       let bytes = 0;
@@ -215,6 +219,11 @@ export class Loader {
       for (; next < wants.length && chosen.length < most && bytes < limit; next++) {
         const { resource } = wants[next]!;
         if (resource.state !== "absent" || !this.servers.mayAsk(resource)) continue;
+        if (isLarge(resource)) {
+          if (large <= 0) continue;
+          // Alone: the others would wait for it.
+          if (chosen.length > 0) break;
+        }
         if (!(ahead ? this.fitsStock(resource) : this.fits(resource, alone && chosen.length === 0))) {
           // What is more urgent is not to wait until smaller things of this server have filled the room.
           if (!ahead) break;
@@ -225,6 +234,7 @@ export class Loader {
         this.expect(resource);
       }
       if (chosen.length === 0) return;
+      if (isLarge(chosen[0]!)) large--;
       left -= chosen.length;
       alone = false;
       void this.request(server, chosen, ahead);
@@ -408,6 +418,10 @@ export class Loader {
     resource.payload = null;
     resource.state = "absent";
   }
+}
+
+function isLarge({ bytes }: Resource): boolean {
+  return bytes > LARGE_BYTES;
 }
 
 /** Things by what `of` gives for them, in order. */

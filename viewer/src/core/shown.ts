@@ -29,8 +29,8 @@ export interface Projection {
 }
 
 /**
- * Compares what a plan draws with its cut. Shares are of a grid of rays, each of which meets the first of the cells' bounds: a
- * cell hides what is behind its box.
+ * Compares what a plan draws with its cut. Shares are of a grid of rays, each of which meets the first cell through the floor of
+ * whose bounds it goes: that is where most of a cell is seen, while its box may have the eye in it.
  */
 export function shownBy(plan: Plan, view: PlanView, projection: Projection): Shown {
   const levels = new LevelsShown(plan, view);
@@ -112,21 +112,18 @@ function* raysOf({ toX, toY, toW, width, height }: Projection): Generator<Vector
 function firstHit(cells: readonly Cell[], eye: Vector3, direction: Vector3): Cell | null {
   let [first, least]: [Cell | null, number] = [null, Infinity];
   for (const cell of cells) {
-    const at = entry(cell.bounds, eye, direction);
+    const at = reaching(cell.bounds, eye, direction);
     if (at < least) [first, least] = [cell, at];
   }
   return first;
 }
 
-/** Where a ray enters a box, in its own lengths; 0 inside, Infinity when it misses. */
-function entry({ lower, upper }: Box, eye: Vector3, direction: Vector3): number {
-  let [from, to] = [0, Infinity];
-  for (let a = 0; a < 3; a++) {
-    const [one, other] = [(lower[a]! - eye[a]!) / direction[a]!, (upper[a]! - eye[a]!) / direction[a]!];
-    from = Math.max(from, Math.min(one, other));
-    to = Math.min(to, Math.max(one, other));
-  }
-  return from <= to ? from : Infinity;
+/** Where a ray goes through the floor of a box, in its own lengths; Infinity when it does not. */
+function reaching({ lower, upper }: Box, eye: Vector3, direction: Vector3): number {
+  const at = (lower[2] - eye[2]) / direction[2];
+  if (!(at >= 0)) return Infinity;
+  const [x, y] = [eye[0] + at * direction[0], eye[1] + at * direction[1]];
+  return x >= lower[0] && x <= upper[0] && y >= lower[1] && y <= upper[1] ? at : Infinity;
 }
 
 function cross(a: Vector3, b: Vector3): Vector3 {

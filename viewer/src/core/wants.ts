@@ -1,5 +1,5 @@
 import type { Cell } from "./cell.js";
-import { seesBox } from "./frustum.js";
+import { seesBox, type Frustum } from "./frustum.js";
 import type { Manifest } from "./manifest.js";
 import type { Plan, PlanView } from "./plan.js";
 import type { Resource } from "./resource.js";
@@ -14,7 +14,7 @@ export const URGENCY = {
   seen: 1,
   /** What the picture will show soon, as the eye moves (ahead.ts). */
   ahead: 2,
-  /** Ancestors of the cut, to stand in when the eye moves on. */
+  /** Ancestors of the cut, to stand in when the eye moves on, and pictures of near leaves, much smaller than their geometry. */
   cover: 3,
   /** The cut outside the picture, for when the eye turns. */
   unseen: 4,
@@ -61,6 +61,7 @@ export function listWants(
     const near = cell.geometry;
     const parts = near ? [near.leaf, ...near.meshes] : [];
     add(parts, cell, urgency);
+    addPictures(cell, URGENCY.cover);
     if (!near || parts.some(lacks)) addPictures(cell, urgency);
   };
 
@@ -72,6 +73,12 @@ export function listWants(
   }
   if (!view.farOnly) for (const cell of plan.cut.geometry) addGeometry(cell, urgencyOf(cell));
   return [...wants.values()].sort(byUrgency);
+}
+
+/** The same with what can stand in for the picture ahead of the picture itself: soon coarse everywhere instead of fine somewhere. */
+export function coarseFirst(wants: readonly Want[], frustum: Frustum): Want[] {
+  const standsIn = ({ urgency, resource: { cell } }: Want): boolean => urgency === URGENCY.cover && cell !== null && seesBox(frustum, cell.reach);
+  return wants.map((want) => (standsIn(want) ? { ...want, urgency: URGENCY.root } : want)).sort(byUrgency);
 }
 
 function addCover(cell: Cell, add: (ancestor: Cell) => void): void {

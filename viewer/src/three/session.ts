@@ -9,7 +9,7 @@ import type { Resource } from "../core/resource.js";
 import type { Servers } from "../core/servers.js";
 import { shownBy, type Shown } from "../core/shown.js";
 import { distanceTo, farthestIn, type Vector3 } from "../core/vector.js";
-import { listWants, URGENCY, type Want } from "../core/wants.js";
+import { coarseFirst, listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
@@ -26,6 +26,11 @@ import type { Viewpoint } from "./viewpoint.js";
 
 /** Milliseconds for which a new generation waits to be complete once the view moves: a flight may never rest. */
 const PATIENCE_MS = 3000;
+
+/** Milliseconds without a complete picture after which what can stand in comes first: the link is slower than the flight. */
+const BEHIND_MS = 2000;
+/** Share of the cache up to which that is done: then it and the picture fit together. */
+const ROOM_TO_STAND_IN = 0.7;
 
 /** What a session works with. */
 export interface SessionParts {
@@ -64,6 +69,8 @@ export class Session {
   private view: PlanView | null = null;
   private ahead = new LookAhead();
   private lastShown: Shown | null = null;
+  /** Since when there has been no complete picture. */
+  private lackingSince: number | null = null;
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
   private readonly coarsening: CoarseningControl;
@@ -170,12 +177,22 @@ export class Session {
     this.view = view;
     this.lastShown = null;
     this.number++;
+    this.seen = seenOf(wants);
     const soon = this.lookAhead(plan, view);
     explore(index, plan, this.ahead.unknown);
-    this.loader.want(joined(next.wants ?? [], joinWants([wants, soon])), this.number, drawnBy(plan), this.next !== null);
+    this.loader.want(joined(next.wants ?? [], joinWants([this.inTime(wants, view), soon])), this.number, drawnBy(plan), this.next !== null);
     if (next.taken) this.loader.cache.dropGone();
-    this.seen = seenOf(wants);
     return { picture: !before || !samePlan(plan, before), detail, generation: next.taken };
+  }
+
+  /** Wants in their order, or, where the link has been too slow for a while, with what can stand in first. */
+  private inTime(wants: Want[], view: PlanView): Want[] {
+    if (this.pending === 0) this.lackingSince = null;
+    else this.lackingSince ??= performance.now();
+    if (this.lackingSince === null || performance.now() - this.lackingSince < BEHIND_MS) return wants;
+    const soonest = wants.filter(({ urgency }) => urgency <= URGENCY.cover);
+    const bytes = soonest.reduce((sum, { resource }) => sum + this.loader.sizes.of(resource), 0);
+    return bytes > this.parts.options().cacheBytes * ROOM_TO_STAND_IN ? wants : coarseFirst(wants, view.frustum);
   }
 
   /** What the picture will want as the eye moves on. */
