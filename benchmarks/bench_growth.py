@@ -142,7 +142,7 @@ def in_browser(folder: Path) -> dict[str, float]:
             with opened_browser() as browser, visit(browser, shown, view | {"kind": kind}, SIZE) as (page, gate):
                 gate.limit = 1 << 40
                 settle(page, gate)
-                found |= {f"{shown_by(kind)}_ms": round(draw_ms(page), 1)}
+                found |= {f"{shown_by(kind)}_{name.removeprefix('frame_')}": v for name, v in draw_ms(page).items()}
                 state = page.evaluate("show.state()")
                 found |= {name: state[name] for name in ("splats", "triangles") if name in state}
         except (BrowserError, RuntimeError) as error:

@@ -2,13 +2,13 @@
 
     cd benchmarks/mesh_levels && npm ci && cd ../..
     farfield bench mesh_levels [--quick] [--json]
-    python benchmarks/bench_mesh_levels.py [--work DIR] [--cases tokyo,…] [--levels r,4r,16r] [--pictures DIR] [-o JSON]
+    python benchmarks/bench_mesh_levels.py [--work DIR] [--cases tokyo,…] [--levels r,4r,16r] [--rows FILE]
 
 The three scenes of benchmarks/scenes.py, and Tokyo with façades of which no two are alike; trees and statues as
 instances and as copies. Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out
-what is nearer than r, 4 r or 16 r. The link is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes as they are sent
-(viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a frame, until its
-pixels can be read. Worlds, tilesets and true pictures are kept in the work folder.
+what is nearer than r, 4 r or 16 r. The link is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes as they
+are sent (viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a frame,
+until its pixels can be read. Worlds, tilesets and true pictures are kept in the work folder.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ import argparse
 import base64
 import io
 import json
+import os
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -62,9 +64,10 @@ LONG_MS = 1500.0
 """Frames are timed again until they have taken this long together."""
 SETTLED = 8
 """Turns of the page without a change after which it has drawn all it has."""
-PATIENCE = 240.0
+PATIENCE = 600.0
 """Seconds."""
 SKY = (158, 191, 235)
+KEYS = ("scene", "level", "viewer", "camera", "limit")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,22 +100,58 @@ def run(quick: bool = False) -> dict[str, Any]:
         return {"skipped": reason}
     if quick:
         return _small()
-    return {name: figures(name, list(LEVELS), WORK, DATA, None) for name in SHOWS}
+    return figures(WORK, DATA)
 
 
-def figures(name: str, levels: Sequence[str], work: Path, data: Path, pictures: Path | None) -> dict[str, Any]:
-    """level -> viewer -> limit -> means over the cameras."""
+def figures(
+    work: Path,
+    data: Path,
+    rows: Path | None = None,
+    pictures: Path | None = None,
+    names: Sequence[str] = tuple(SHOWS),
+    levels: Sequence[str] = tuple(LEVELS),
+    cameras: Sequence[int] = CAMERAS,
+) -> dict[str, Any]:
+    """scene -> level -> viewer -> limit -> means over the cameras.
+
+    rows: a file of JSON lines, one for each camera and limit; those that it has are not measured again.
+    """
+    found = [json.loads(line) for line in rows.read_text().splitlines()] if rows and rows.exists() else []
+    done = {_key(row) for row in found}
+    for number, name, level in product(cameras, names, levels):
+        case = case_of(name, level, work, data)
+        for show in SHOWS[name]:
+            key = {"scene": name, "level": level, "viewer": show.name, "camera": number}
+            if _key(key) in done:
+                continue
+            shown = work / name if show.kind == "world" else tileset(case, show, work)
+            folder = None if pictures is None else pictures / f"{name}-{level}-{show.name}"
+            with opened_browser() as browser:
+                measured = one_camera(browser, shown, case, show, number, LIMITS, folder)
+            lines = [key | {"limit": limit} | row for limit, row in measured.items()]
+            found += lines
+            for line in lines:
+                print(line, file=sys.stderr, flush=True)
+                if rows:
+                    with rows.open("a") as file:
+                        file.write(json.dumps(line) + "\n")
+    return summary(found)
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """scene -> level -> viewer -> limit -> means."""
+    together: dict[tuple[str, ...], list[dict[str, float]]] = {}
+    for row in rows:
+        key = row["scene"], row["level"], row["viewer"], str(row["limit"])
+        together.setdefault(key, []).append({name: row[name] for name in row if name not in KEYS})
     found: dict[str, Any] = {}
-    with opened_browser() as browser:
-        for level in levels:
-            case = case_of(name, level, work, data)
-            found[level] = {}
-            for show in SHOWS[name]:
-                folder = None if pictures is None else pictures / f"{name}-{level}-{show.name}"
-                shown = work / name if show.kind == "world" else tileset(case, show, work)
-                found[level][show.name] = measure(browser, shown, case, show, LIMITS, folder)
-                print(name, level, show.name, found[level][show.name], file=sys.stderr, flush=True)
+    for (scene, level, viewer, limit), own in together.items():
+        found.setdefault(scene, {}).setdefault(level, {}).setdefault(viewer, {})[limit] = means(own)
     return found
+
+
+def _key(row: dict[str, Any]) -> tuple[Any, ...]:
+    return row["scene"], row["level"], row["viewer"], row["camera"]
 
 
 def case_of(name: str, level: str, work: Path, data: Path) -> Case:
@@ -142,31 +181,43 @@ def measure(
     """limit in bytes -> figures, means over the cameras; milliseconds are medians."""
     rows: dict[int, list[dict[str, float]]] = {limit: [] for limit in limits}
     for number in CAMERAS if len(case.cameras) > max(CAMERAS) else range(len(case.cameras)):
-        reference = truth(case, number)
-        camera = case.cameras[number]
-        view = {"kind": show.kind, "eye": camera.eye, "target": camera.target, "fov": camera.fov, "samples": SAMPLES}
-        view |= {"near": case.near_radius(camera), "leaf": case.world.grid.leaf_size, "corner": case.world.grid.corner}
-        view |= {"depth": 0.05 * case.world.grid.leaf_size, "errorTarget": ERROR_TARGET}
-        with visit(browser, shown, view, case.size) as (page, gate):
-            for limit in limits:
-                gate.limit = limit
-                settle(page, gate)
-                milliseconds = draw_ms(page)
-                pixels = _picture(page)
-                found = compare(reference, pixels)
-                state = page.evaluate("show.state()")
-                rows[limit].append(
-                    {"psnr_covered": found["psnr_covered"], "flip_covered": found["flip_covered"], "bytes": gate.sent}
-                    | {"frame_ms": milliseconds, "primitives": state.get("splats", state.get("triangles", 0))}
-                    | {"complete": float(gate.waiting == 0)}
-                )
-                if pictures is not None:
-                    pictures.mkdir(parents=True, exist_ok=True)
-                    Image.fromarray(pixels).save(pictures / f"{number:02d}-{limit}.png")
-    return {str(limit): _means(found) for limit, found in rows.items()}
+        for limit, row in one_camera(browser, shown, case, show, number, limits, pictures).items():
+            rows[limit].append(row)
+    return {str(limit): means(found) for limit, found in rows.items()}
 
 
-def _means(rows: Sequence[dict[str, float]]) -> dict[str, float]:
+def one_camera(
+    browser: Browser,
+    shown: Path,
+    case: Case,
+    show: Show,
+    number: int,
+    limits: Sequence[int],
+    pictures: Path | None = None,
+) -> dict[int, dict[str, float]]:
+    """limit in bytes -> figures of a camera."""
+    rows = {}
+    reference, camera = truth(case, number), case.cameras[number]
+    view = {"kind": show.kind, "eye": camera.eye, "target": camera.target, "fov": camera.fov, "samples": SAMPLES}
+    view |= {"near": case.near_radius(camera), "leaf": case.world.grid.leaf_size, "corner": case.world.grid.corner}
+    view |= {"depth": 0.05 * case.world.grid.leaf_size, "errorTarget": ERROR_TARGET}
+    with visit(browser, shown, view, case.size) as (page, gate):
+        for limit in limits:
+            gate.limit = limit
+            settle(page, gate)
+            drawn = draw_ms(page)
+            pixels = _picture(page)
+            found, state = compare(reference, pixels), page.evaluate("show.state()")
+            rows[limit] = {name: found[name] for name in ("psnr_covered", "flip_covered")} | drawn
+            rows[limit] |= {"bytes": gate.sent, "complete": float(gate.waiting == 0)}
+            rows[limit] |= {"primitives": state.get("splats", state.get("triangles", 0))}
+            if pictures is not None:
+                pictures.mkdir(parents=True, exist_ok=True)
+                Image.fromarray(pixels).save(pictures / f"{number:02d}-{limit}.png")
+    return rows
+
+
+def means(rows: Sequence[dict[str, float]]) -> dict[str, float]:
     return {name: round(fmean(row[name] for row in rows), 4) for name in rows[0]}
 
 
@@ -216,13 +267,42 @@ def settle(page: Page, gate: Gate) -> None:
         raise RuntimeError(f"still not settled after {PATIENCE} s: {state}")
 
 
-def draw_ms(page: Page) -> float:
-    """Of a frame; the median of some when they are short. The first frame uploads what is new and does not count."""
+def draw_ms(page: Page) -> dict[str, float]:
+    """frame_ms, until the pixels of a frame can be read, and processor_ms, what the process that draws works for it.
+
+    The second says what a frame costs beside other busy processes too. The median of some frames when they are short;
+    the first uploads what is new and does not count.
+    """
     page.evaluate("show.draw()")
-    found = [page.evaluate("show.draw()")]
-    while len(found) < FRAMES and sum(found) < LONG_MS:
-        found.append(page.evaluate("show.draw()"))
-    return median(found)
+    found: list[tuple[float, float]] = []
+    while len(found) < FRAMES and sum(wall for wall, _ in found) < LONG_MS:
+        before = processor_ms()
+        wall = page.evaluate("show.draw()")
+        found.append((wall, processor_ms() - before))
+    wall, worked = (round(median(values), 1) for values in zip(*found, strict=True))
+    return {"frame_ms": wall, "processor_ms": worked}
+
+
+def processor_ms() -> float:
+    """Milliseconds that the drawing processes of this process's browsers have worked so far; 0 where nothing tells."""
+    parents: dict[int, int] = {}
+    worked: dict[int, float] = {}
+    tick = 1000 / os.sysconf("SC_CLK_TCK")
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            parents[int(folder.name)] = int(fields[1])
+            if b"--type=gpu-process" in (folder / "cmdline").read_bytes():
+                worked[int(folder.name)] = tick * (int(fields[11]) + int(fields[12]))
+        except OSError:
+            continue
+
+    def ours(process: int) -> bool:
+        while process > 1 and process != os.getpid():
+            process = parents.get(process, 0)
+        return process == os.getpid()
+
+    return sum(milliseconds for process, milliseconds in worked.items() if ours(process))
 
 
 def _picture(page: Page) -> NDArray[np.uint8]:
@@ -255,17 +335,13 @@ def main() -> None:
     parser.add_argument("--cases", default=",".join(SHOWS))
     parser.add_argument("--levels", default=",".join(LEVELS))
     parser.add_argument("--pictures", type=Path, help="where to leave what was drawn")
-    parser.add_argument("-o", "--output", type=Path, help="JSON file to which each case is added when it is done")
+    parser.add_argument("--cameras", default=",".join(map(str, CAMERAS)), help="numbers of the twelve")
+    parser.add_argument("--rows", type=Path, help="file of JSON lines to go on with")
     given = parser.parse_args()
     if reason := missing():
         raise SystemExit(reason)
-    found = json.loads(given.output.read_text()) if given.output and given.output.exists() else {}
-    for name in given.cases.split(","):
-        for level in given.levels.split(","):
-            found.setdefault(name, {}).update(figures(name, [level], given.work, given.data, given.pictures))
-            if given.output:
-                given.output.write_text(json.dumps(found, indent=2) + "\n")
-    print(json.dumps(found, indent=2))
+    lists = given.cases.split(","), given.levels.split(","), [int(number) for number in given.cameras.split(",")]
+    print(json.dumps(figures(given.work, given.data, given.rows, given.pictures, *lists), indent=2))
 
 
 if __name__ == "__main__":

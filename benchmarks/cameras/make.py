@@ -39,7 +39,7 @@ def main() -> None:
 def frames(
     middle: np.ndarray, ring: np.ndarray, heights: np.ndarray, reach: float, seed: int, aside: float = 25.0
 ) -> list[dict[str, object]]:
-    """Twelve cameras on a ring round the middle; they look `aside` degrees past it at most, at the ground `reach` away."""
+    """Twelve cameras on a ring that look `aside` degrees past its middle at most, at the ground `reach` away."""
     random = np.random.default_rng(seed)
     found = []
     for k in range(12):

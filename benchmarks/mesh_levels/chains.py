@@ -80,11 +80,11 @@ def shrinking(texel_side: float, error: float, side: int) -> int:
     return factor
 
 
-def save_webp(path: Path, pixels: NDArray[np.uint8], quality: int = 85) -> None:
-    """Writes a texture; without alpha when it is opaque."""
+def save_webp(path: Path, pixels: NDArray[np.uint8], quality: int = 85, effort: int = 4) -> None:
+    """Writes a texture; without alpha when it is opaque. effort: 0..6."""
     image = Image.fromarray(pixels)
     opaque = bool((pixels[..., 3] == 255).all())
-    (image.convert("RGB") if opaque else image).save(path, "WEBP", quality=quality, method=6)
+    (image.convert("RGB") if opaque else image).save(path, "WEBP", quality=quality, method=effort)
 
 
 def _bare(material: Material) -> Material:

@@ -151,7 +151,9 @@ class Once:
         options = () if any(material.name.startswith(ATLAS) for material in mesh.materials) else ("-sp",)
         made = within(mesh, self.errors[level], self.shelf.work, *options)
         stem = f"{level}_{cell[0]}_{cell[1]}"
-        return self.shelf.pack(stem, with_one_atlas(made, stem, max(level, 0)), self.errors[level])
+        return self.shelf.pack(
+            stem, with_one_atlas(made, f"{max(level, 0)}_{cell[0]}_{cell[1]}", max(level, 0)), self.errors[level]
+        )
 
 
 def with_one_atlas(mesh: Mesh, name: str, level: int) -> Mesh:

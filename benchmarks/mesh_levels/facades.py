@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.footprints.facades import BAYS, CELL, FACADES, FLOORS, facade_pixels
-from farfield.scene.gltf.write import GlbOptions, write_glb
 from farfield.scene.model import Material, Mesh, Texture
-from mesh_levels.chains import shrunk
-from mesh_levels.glb import joined, subset
+from mesh_levels.chains import save_webp, shrunk
+from mesh_levels.glb import joined, subset, write
 
 TEXEL = 0.25
 """Metres."""
@@ -41,11 +40,13 @@ class Atlas:
     """Texels, a multiple of 256."""
 
 
-def write_cell(path: Path, mesh: Mesh, seed: int) -> int:
-    """Writes the prisms of a cell as a GLB with an atlas of its own; returns its texels."""
+def write_cell(path: Path, mesh: Mesh, seed: int) -> None:
+    """Writes the prisms of a cell as a GLB, and its atlas beside it."""
     unique = with_unique_facades(mesh, seed)
-    write_glb(path, unique, GlbOptions(image_format="WEBP", image_quality=92))
-    return sum(m.texture.pixels.shape[0] * WIDTH for m in unique.materials if m.texture is not None)
+    textures = {m.name: m.texture.pixels for m in unique.materials if m.texture is not None}
+    for pixels in textures.values():
+        save_webp(path.with_suffix(".webp"), pixels, 92, 1)
+    write(path, unique, dict.fromkeys(textures, path.with_suffix(".webp").name))
 
 
 def with_unique_facades(mesh: Mesh, seed: int) -> Mesh:

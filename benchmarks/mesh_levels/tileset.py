@@ -17,12 +17,14 @@ from farfield.scene.model import Scene
 from mesh_levels.cells import Cell, above, taken_apart
 from mesh_levels.contents import Box, Contained, Content, Kinds, Once, Shelf
 
+NEVER = 1e9
+"""Metres: the error of a tile without content, which is never looked at."""
 FINEST = -2
 """Level of the finest tiles: an error of a quarter of a leaf's pixel."""
 COARSER = 2
 """Levels above the one that is a single cell: little, for the first moment."""
-WORTH = 0.8
-"""A coarser level of the same cell must take at most this share of the finer one's bytes, or it is left out."""
+WORTH = 0.6
+"""A coarser level must take at most this share of the bytes of what it stands in for, or it is left out."""
 
 
 def write_tileset(folder: Path, scene: Scene, grid: Grid, instanced: bool) -> dict[str, int]:
@@ -45,9 +47,11 @@ def write_tileset(folder: Path, scene: Scene, grid: Grid, instanced: bool) -> di
     root = _tile(_around([_box(child) for child in children]), 4 * errors[top + COARSER], None, children) | {
         "refine": "ADD"
     }
+    shutil.rmtree(shelf.work)
+    compressed(folder)
+    without_what_saves_little(root, folder)
     document = {"asset": {"version": "1.1"}, "geometricError": root["geometricError"], "root": root}
     (folder / "tileset.json").write_text(json.dumps(document, separators=(",", ":")))
-    shutil.rmtree(shelf.work)
     return {"files": len(list(folder.rglob("*.*"))), "bytes": compressed(folder)}
 
 
@@ -62,6 +66,23 @@ def compressed(folder: Path) -> int:
                 path.with_name(path.name + ".gz").write_bytes(small)
             total += min(len(small), len(raw))
     return total
+
+
+def without_what_saves_little(tile: dict[str, Any], folder: Path) -> int:
+    """Takes the contents off tiles hardly smaller than those below; returns the bytes that show a tile whole."""
+    below = sum(without_what_saves_little(child, folder) for child in tile.get("children", []))
+    if "content" not in tile:
+        return below
+    own = min(path.stat().st_size for path in _forms(folder / tile["content"]["uri"]))
+    if tile.get("children") and own > WORTH * below and not tile["content"]["uri"].endswith(".cmpt"):
+        del tile["content"]
+        tile["geometricError"] = max(tile["geometricError"], NEVER)
+        return below
+    return own
+
+
+def _forms(path: Path) -> list[Path]:
+    return [form for form in (path, path.with_name(path.name + ".gz")) if form.exists()]
 
 
 @dataclass(frozen=True, slots=True)
