@@ -50,7 +50,7 @@ GOALS = {"tokyo": (29.5, 0.07), "forest": (26.5, 0.15), "statues": (33.0, 0.042)
 """Least PSNR in dB and largest FLIP over covered pixels, from r on."""
 LESS = 1.5
 """dB by which pictures farther up may be worse."""
-VARIANTS = ("gain40", "gain20", "gain10", "gain5", "gain2", "3x1", "3x2", "5x1", "5x2")
+VARIANTS = ("gain40", "gain20", "gain10", "gain5", "3x1", "3x2", "5x1", "5x2")
 """What is drawn of a cell: tiles by least gain a kilobyte, or VIEWS x LAYERS."""
 DEFAULT = "gain10"
 

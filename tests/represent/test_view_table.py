@@ -104,20 +104,20 @@ def test_nothing_drawn_nothing_chosen() -> None:
 
 def test_picks_are_distinct_tiles_and_add_ever_less(town: dict[int, list[OrthoLayer]]) -> None:
     table = table_of(town, parse("17"))
-    tiles = [(n, index) for n in sorted(d.number for d in parse("17")) for index in range(len(town[n]))]
-    size = np.array([2 * np.count_nonzero(town[n][index].valid) for n, index in tiles])
     for picks in table.picks:
         places = [place for place, _ in picks]
         assert 1 <= len(picks) <= MOST_PICKS
         assert len(set(places)) == len(places)
-        worth = [gain / size[place] for place, gain in picks]
+        worth = [gain for _, gain in picks]
         assert worth == sorted(worth, reverse=True)
 
 
 def test_together_picks_add_about_what_there_is_to_see(town: dict[int, list[OrthoLayer]]) -> None:
     """From above that is about one side of the cell, less what is farther from the eye than the middle."""
-    gains = [gain for _, gain in table_of(town, parse("26")).picks[TOP]]
-    assert 0.6 < sum(gains) < 1.2
+    tiles = [(n, index) for n in range(26) for index in range(len(town[n]))]
+    size = [2 * np.count_nonzero(town[n][index].valid) / 1000 for n, index in tiles]
+    shares = [gain * size[place] / 128**2 for place, gain in table_of(town, parse("26")).picks[TOP]]
+    assert 0.6 < sum(shares) < 1.2
 
 
 def test_a_tile_that_costs_much_comes_later(town: dict[int, list[OrthoLayer]]) -> None:

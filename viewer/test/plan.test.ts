@@ -122,17 +122,15 @@ describe("listWants", () => {
 });
 
 describe("tilesWanted", () => {
-  const [FULL, TENTH, THOUSANDTH] = [8, 35, 88]; // 2^(1 - code / 8)
   const eye: Vector3 = [2, 2, 500];
   const ABOVE = viewBin([2, 2, 0.5], eye);
-  const picks: number[][] = new Array<number[]>(26).fill([]).with(ABOVE, [2, FULL, 0, TENTH, 1, THOUSANDTH]);
+  const picks: number[][] = new Array<number[]>(26).fill([]).with(ABOVE, [2, 32, 0, 13, 1, 20]);
   const { root } = makeWorld({ picks });
   const [first, second, third] = tilesOf(root);
   const wanted = (views: number | null, leastGain: number, layers = 2) => tilesWanted(root, DIRECTIONS, eye, { views, leastGain, layers });
 
   it("takes what adds enough for its bytes", () => {
-    // 16 x 16 pixels a side, tiles of a kilobyte.
-    expect(root.picks[ABOVE]!.map(({ gain }) => Math.round(gain))).toEqual([256, 25, 0]);
+    expect(root.picks[ABOVE]!.map(({ gain }) => Math.round(gain))).toEqual([256, 27, 1]);
     expect(wanted(null, 20)).toEqual([third, first]);
     expect(wanted(null, 0)).toEqual([third, first, second]);
   });

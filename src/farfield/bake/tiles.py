@@ -14,7 +14,7 @@ from farfield.represent.orthoview.object_tile import encode_object_tile
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.represent.orthoview.tile import encode_tile
 from farfield.represent.orthoview.view_table import ViewTable, choose_views
-from farfield.world.index import code_of_gain
+from farfield.world.index import write_picks
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 
@@ -59,10 +59,7 @@ class CellTiles:
 
     def picks(self) -> tuple[tuple[int, ...], ...]:
         """For every view bin the picked tiles as the index writes them."""
-        return tuple(
-            tuple(number for place, gain in picks for number in (place, code_of_gain(gain)))
-            for picks in self.table.picks
-        )
+        return tuple(write_picks(picks) for picks in self.table.picks)
 
     @property
     def object_bytes(self) -> int:

@@ -212,17 +212,16 @@ class _Drawing:
 def chosen_tiles(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> tuple[Place, ...]:
     """The tiles to draw a cell from, best first (spec/drawing.md, Which tiles)."""
     if entry.picks and options.views is None and not options.nearest_by_angle:
-        return _picked(entry, view_bin(np.array(entry.bounds).mean(0), eye), world.grid.resolution, options)
+        return _picked(entry, view_bin(np.array(entry.bounds).mean(0), eye), options)
     return places_of(entry, _directions(world, entry, eye, options), options.layers)
 
 
-def _picked(entry: CellEntry, from_bin: int, resolution: int, options: RenderOptions) -> tuple[Place, ...]:
+def _picked(entry: CellEntry, from_bin: int, options: RenderOptions) -> tuple[Place, ...]:
     """The best of those that are drawn at all, and the others that add enough for their bytes."""
     places: list[Place] = []
     for place, gain in entry.picks_from(from_bin):
-        direction, layer, size = entry.tiles[place]
-        enough = gain * resolution**2 * 1000 >= options.least_gain * size
-        if layer < options.layers and (enough or not places):
+        direction, layer, _ = entry.tiles[place]
+        if layer < options.layers and (gain >= options.least_gain or not places):
             places.append((direction, layer))
     return tuple(places)
 

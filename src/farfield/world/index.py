@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 import zlib
+from collections.abc import Iterable
 from typing import Annotated
 
 import msgspec
@@ -21,8 +23,12 @@ _MAGIC = b"FFIX"
 _VERSION = 1
 MAXIMUM_BYTES = 64 << 20
 """An index tile never unpacks to more than this."""
-WORST_CODE = 255
-"""Of the gain of a picked tile; 0 is the best."""
+MOST_GAIN = 65536.0
+"""Pixels a kilobyte, from which the gains of picked tiles go down."""
+STEPS = 4
+"""By which a gain is halved: 16 or 32 in place of 4 make an index 5 and 10 % larger."""
+WORST_STEPS = 255
+"""From one gain to the next."""
 _HINT = "run farfield verify"
 
 
@@ -51,7 +57,7 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     views: Annotated[tuple[Annotated[tuple[DirectionNumber, ...], Meta(max_length=256)], ...], Meta(max_length=26)] = ()
     """For each of 26 view bins the directions to draw, best first."""
     picks: Annotated[tuple[Annotated[tuple[PickNumber, ...], Meta(max_length=1024)], ...], Meta(max_length=26)] = ()
-    """For each of 26 view bins (place in `tiles`, code of what it adds) of the tiles to draw, flat, best first."""
+    """For each of 26 view bins the tiles to draw, see write_picks."""
     children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
     index: HashOrNone = ""
     geometry: GeometryEntry | None = None
@@ -60,10 +66,11 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     def picks_from(self, view_bin: int) -> list[tuple[int, float]]:
         """(place in `tiles`, gain) of each tile picked for a view bin, best first.
 
-        Gain: what it adds to those before it, as a share of the area of a side of the cell.
+        Gain: pixels of a view that a kilobyte of it adds to the tiles before it.
         """
         flat = self.picks[view_bin] if self.picks else ()
-        return [(place, gain_of_code(code)) for place, code in zip(flat[::2], flat[1::2], strict=True)]
+        below = itertools.accumulate(flat[1::2])
+        return [(place, MOST_GAIN * 2.0 ** (-steps / STEPS)) for place, steps in zip(flat[::2], below, strict=True)]
 
     @property
     def cell(self) -> CellKey:
@@ -78,14 +85,16 @@ class IndexTile(msgspec.Struct, frozen=True):
     cells: tuple[CellEntry, ...]
 
 
-def gain_of_code(code: int) -> float:
-    """What a tile adds, as a share of the area of a side of its cell (spec/world.md)."""
-    return math.exp2(1 - code / 8)
-
-
-def code_of_gain(share: float) -> int:
-    """The code nearest to a gain, 0 to WORST_CODE."""
-    return min(max(round(8 * (1 - math.log2(share))), 0), WORST_CODE) if share > 0 else WORST_CODE
+def write_picks(picks: Iterable[tuple[int, float]]) -> tuple[int, ...]:
+    """(place, gain) of the tiles picked for a view bin, best first, as CellEntry.picks lists them."""
+    flat: list[int] = []
+    below = 0
+    for place, gain in picks:
+        wanted = round(STEPS * math.log2(MOST_GAIN / gain)) if gain > 0 else WORST_STEPS
+        steps = min(max(wanted - below, 0), WORST_STEPS)
+        below += steps
+        flat += [place, steps]
+    return tuple(flat)
 
 
 def encode_index(tile: IndexTile) -> bytes:
@@ -148,10 +157,10 @@ def _check_cells(tile: IndexTile, where: str) -> None:
 
 
 def _are_picks(picks: tuple[int, ...], tiles: int) -> bool:
-    """Whether they come in pairs, name tiles that exist, each once, and codes of gains."""
-    places, codes = picks[::2], picks[1::2]
-    each_once = len(set(places)) == len(places) == len(codes)
-    return each_once and all(place < tiles for place in places) and all(code <= WORST_CODE for code in codes)
+    """Whether they come in pairs, name tiles that exist, each once, and steps between gains."""
+    places, steps = picks[::2], picks[1::2]
+    each_once = len(set(places)) == len(places) == len(steps)
+    return each_once and all(place < tiles for place in places) and all(step <= WORST_STEPS for step in steps)
 
 
 def _may_be_below(child: CellKey, cell: CellKey) -> bool:

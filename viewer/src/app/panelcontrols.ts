@@ -46,7 +46,7 @@ export function controlsOf(page: Adjustable): { light: readonly (Control | Toggl
       },
       // Each step is half as many pixels that a kilobyte must add.
       {
-        label: "Tiles a cell", min: -3, max: 3, step: 0.5,
+        label: "Tiles a cell", min: -3, max: 1, step: 0.5,
         get: () => -Math.log2(options().leastGain / LEAST_GAIN), set: (more) => set({ leastGain: LEAST_GAIN / 2 ** more }),
       },
       { label: "Depth layers", min: 1, max: 2, step: 1, get: () => options().layers, set: (layers) => set({ layers }) },

@@ -6,6 +6,9 @@ import { Resource, type ResourceKind } from "./resource.js";
 import { grown, type Box } from "./vector.js";
 import type { Pick } from "./views.js";
 
+/** Pixels a kilobyte from which the gains of picked tiles go down, and steps by which they are halved (spec/world.md). */
+const MOST_GAIN = 65536;
+const STEPS = 4;
 /** A splat reaches at most this many pitches from its middle. */
 const SPLAT_REACH = 4;
 
@@ -144,10 +147,11 @@ export class Cell {
 
   private picksOf(flat: readonly number[], { tiles = [] }: CellEntry): Pick[] {
     const picks: Pick[] = [];
+    let steps = 0;
     for (let n = 0; n < flat.length; n += 2) {
-      const [direction, layer, bytes] = tiles[flat[n]!]!;
-      const pixels = 2 ** (1 - flat[n + 1]! / 8) * this.grid.resolution ** 2;
-      picks.push({ tile: this.views.get(direction)!.layers[layer]!, layer, gain: (1000 * pixels) / bytes });
+      const [direction, layer] = tiles[flat[n]!]!;
+      steps += flat[n + 1]!;
+      picks.push({ tile: this.views.get(direction)!.layers[layer]!, layer, gain: MOST_GAIN * 2 ** (-steps / STEPS) });
     }
     return picks;
   }

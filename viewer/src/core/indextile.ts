@@ -10,8 +10,8 @@ const MAGIC = 0x58494646; // "FFIX"
 /** Version 1, and a reserved zero. */
 const VERSION = 1;
 const MAXIMUM_BYTES = 64 << 20;
-/** Of the gain of a picked tile; 0 is the best. */
-const WORST_CODE = 255;
+/** From the gain of one picked tile to the next. */
+const WORST_STEPS = 255;
 
 /** Near geometry of a leaf. */
 export interface GeometryEntry {
@@ -33,7 +33,7 @@ export interface CellEntry {
   readonly tiles?: readonly (readonly [number, number, number])[];
   /** For each of 26 view bins the directions to draw, best first. */
   readonly views?: readonly (readonly number[])[];
-  /** For each of 26 view bins (place in `tiles`, code of what it adds) of the tiles to draw, flat, best first. */
+  /** For each of 26 view bins the tiles to draw, best first: (place in `tiles`, steps down to its gain), flat. */
   readonly picks?: readonly (readonly number[])[];
   readonly children?: readonly string[];
   readonly index?: string;
@@ -110,12 +110,12 @@ function isBin(value: unknown): value is readonly number[] {
   return isList(value, isDirection, 256);
 }
 
-/** Whether they come in pairs, name tiles that exist, each once, and codes of gains. */
+/** Whether they come in pairs, name tiles that exist, each once, and steps between gains. */
 function arePicks(value: unknown, tiles: number): value is readonly number[] {
   if (!isList(value, isPickNumber, 1024) || value.length % 2 !== 0) return false;
   const places = value.filter((_, n) => n % 2 === 0);
-  const codes = value.filter((_, n) => n % 2 === 1);
-  return new Set(places).size === places.length && places.every((place) => place < tiles) && codes.every((code) => code <= WORST_CODE);
+  const steps = value.filter((_, n) => n % 2 === 1);
+  return new Set(places).size === places.length && places.every((place) => place < tiles) && steps.every((step) => step <= WORST_STEPS);
 }
 
 function isPickNumber(value: unknown): value is number {
