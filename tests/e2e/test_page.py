@@ -135,7 +135,7 @@ def test_twenty_seconds_of_flight(address: str, visit: Callable[..., Visit]) -> 
     assert flight["again"] == []
     assert flight["most"] <= 3 << 20
     assert flight["fetched"] > 0
-    assert flight["frames"] > 20
+    assert flight["frames"] > 5
     assert flight["last"]["tiles_missing"] == 0
 
 
