@@ -5,7 +5,7 @@ import { Fetcher } from "../src/core/fetch.js";
 import { Loader, type Preparer } from "../src/core/loader.js";
 import { Resource } from "../src/core/resource.js";
 import { Server, Servers } from "../src/core/servers.js";
-import type { Want } from "../src/core/wants.js";
+import { URGENCY, type Want } from "../src/core/wants.js";
 import { MANIFEST } from "./worlds.js";
 
 type Answer = (key: string) => Response | Promise<Response>;
@@ -222,7 +222,7 @@ describe("Loader", () => {
   });
 
   describe("what is not needed now", () => {
-    const AHEAD = 2;
+    const AHEAD = URGENCY.ahead;
     const fetched = (list: Resource[]): number => list.filter(({ state }) => state === "fetched").length;
 
     it("is fetched into a stock of its own budget, decoded while the cache has room, and uploaded after what is needed", async () => {

@@ -88,6 +88,17 @@ describe("makePlan", () => {
     expect(drawn(plan(root, { frustum }))).toHaveLength(8);
   });
 
+  it("lets an ancestor stand in for a cell that has some of its tiles, and whose index has not been read", () => {
+    const { root, cells } = makeWorld();
+    hold(tilesOf(root));
+    const cell = cells.get("1/0/0/0")!;
+    hold(tilesOf(cell).slice(0, 1));
+    cell.children = null;
+    const found = plan(root);
+    expect(drawn(found)).toEqual(["2/0/0/0"]);
+    expect(found.pictures[0]!.holes).toBe(HOLE);
+  });
+
   it("draws a root with a bad tile from what there is", () => {
     const { root } = makeWorld();
     const far = { eye: [2, 2, 500], radius: 1 };

@@ -87,7 +87,7 @@ function lookFrom(at: Vector3, { roots, manifest, lacks }: AheadWorld, view: Pla
   const there = { ...view, eye: at, frustum: shifted(view.frustum, minus(at, view.eye)) };
   const found = cut(roots, at, view.radius, view.near);
   const wants = listWants(roots, { cut: found }, manifest, there, lacks, view.eye)
-    .filter(({ urgency }) => urgency === URGENCY.seen)
+    .filter(({ urgency }) => urgency === URGENCY.seen || urgency === URGENCY.detail)
     .map((want) => ({ ...want, urgency: URGENCY.ahead }));
   return { wants, unknown: found.unknown };
 }

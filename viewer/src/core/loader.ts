@@ -5,7 +5,7 @@ import type { Server, Servers } from "./servers.js";
 import { Sizes, SURE } from "./sizes.js";
 import { valueOf, type Found } from "./source.js";
 import { Stock } from "./stock.js";
-import { URGENCY, type Want } from "./wants.js";
+import { isNeeded, URGENCY, type Want } from "./wants.js";
 
 /** A decoded value that waits to be uploaded. */
 export interface Prepared {
@@ -49,17 +49,12 @@ const REQUESTS_AHEAD = 2;
 const REQUEST_BYTES_AHEAD = 128 << 10;
 /** Bytes fetched and not decoded, as a share of the cache: there they would fill it about once. */
 export const STOCK_SHARE = 1 / 12;
-/** It is decoded, a few at once, while the cache is fuller than this by no more than what comes. */
+/** It is decoded, a few at once, while the cache is no fuller than this with what is to come. */
 const DECODES_AHEAD = 3;
 const DECODED_SHARE = 0.7;
-/** It is uploaded while so much of the cache is on the graphics card, at most by this share of a frame's bytes. */
+/** It is uploaded while no more of the cache is on the graphics card, by at most this share of a frame's bytes. */
 const UPLOADED_SHARE = 0.6;
 const FRAME_SHARE = 0.25;
-
-/** Whether the picture does not need it now. */
-function isAhead(urgency: number): boolean {
-  return urgency > URGENCY.seen;
-}
 
 /** What is under way from one server. */
 interface Request {
@@ -142,11 +137,11 @@ export class Loader {
     this.wants = wants;
     this.urgencies = new Map(wants.map(({ resource, urgency }) => [resource, urgency]));
     const serverOf = ({ resource }: Want): Server => this.serverOf(resource);
-    this.queues = grouped(wants.filter(({ urgency }) => !isAhead(urgency)), serverOf);
-    this.queuesAhead = grouped(wants.filter(({ urgency }) => isAhead(urgency)), serverOf);
+    this.queues = grouped(wants.filter(({ urgency }) => isNeeded(urgency)), serverOf);
+    this.queuesAhead = grouped(wants.filter(({ urgency }) => !isNeeded(urgency)), serverOf);
     this.plan = number;
     for (const { resource, urgency } of wants) {
-      if (urgency <= URGENCY.seen) this.cache.use(resource, number);
+      if (isNeeded(urgency)) this.cache.use(resource, number);
     }
     for (const resource of drawn) this.cache.use(resource, number);
     this.cache.trim(number);
@@ -168,9 +163,9 @@ export class Loader {
     let useful = false;
     for (const { resource, urgency } of this.wants) {
       if (resource.state !== "ready") continue;
-      if (left <= 0 || (isAhead(urgency) && leftAhead <= 0)) break;
+      if (left <= 0 || (!isNeeded(urgency) && leftAhead <= 0)) break;
       left -= resource.size;
-      if (isAhead(urgency)) leftAhead -= resource.size;
+      if (!isNeeded(urgency)) leftAhead -= resource.size;
       useful ||= urgency !== URGENCY.ahead && urgency !== URGENCY.unseen;
       this.hold(resource);
     }
@@ -195,7 +190,7 @@ export class Loader {
     this.taken = this.cache.inUse(this.plan);
     this.coming = this.arriving = this.waiting = 0;
     for (const resource of this.loading.keys()) this.expect(resource);
-    for (const resource of this.ready.keys()) if (!isAhead(this.urgencyOf(resource))) this.waiting++;
+    for (const resource of this.ready.keys()) if (isNeeded(this.urgencyOf(resource))) this.waiting++;
     this.decodeStocked();
     const values = UNDER_WAY / length;
     for (const [server, wants] of this.queues) this.ask(server, wants, { ahead: false, requests, values });
@@ -211,7 +206,7 @@ export class Loader {
     let alone = !ahead && this.waiting === 0 && !this.isNeededFrom(server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
     const limit = ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES;
-    let large = LARGE_REQUESTS - asked.filter(({ resources }) => resources.some(isLarge)).length;
+    let large = (ahead ? 1 : LARGE_REQUESTS) - asked.filter(({ resources }) => resources.some(isLarge)).length;
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.loading.size + this.waiting < UNDER_WAY; free--) {
       const chosen: Resource[] = [];
       let bytes = 0;
@@ -244,11 +239,11 @@ export class Loader {
   /** Decodes what was fetched ahead: what the picture has come to need, and a few of the others while there is room. */
   private decodeStocked(): void {
     if (this.stock.count === 0) return;
-    let free = DECODES_AHEAD - [...this.decoding].filter((resource) => isAhead(this.urgencyOf(resource))).length;
+    let free = DECODES_AHEAD - [...this.decoding].filter((resource) => !isNeeded(this.urgencyOf(resource))).length;
     let alone = this.waiting === 0 && !this.isNeededFrom(null);
     for (const { resource, urgency } of this.wants) {
       if (resource.state !== "fetched") continue;
-      const ahead = isAhead(urgency);
+      const ahead = !isNeeded(urgency);
       if (ahead ? free-- <= 0 || !this.fitsAhead(resource) : !this.fits(resource, alone)) return;
       alone = false;
       resource.state = "loading";
@@ -261,7 +256,7 @@ export class Loader {
   /** Whether something that the picture needs is under way from a server, or from any. */
   private isNeededFrom(server: Server | null): boolean {
     for (const resource of this.loading.keys()) {
-      if (!isAhead(this.urgencyOf(resource)) && (server === null || this.serverOf(resource) === server)) return true;
+      if (isNeeded(this.urgencyOf(resource)) && (server === null || this.serverOf(resource) === server)) return true;
     }
     return false;
   }
@@ -277,7 +272,7 @@ export class Loader {
   }
 
   private expect(resource: Resource): void {
-    if (isAhead(this.urgencyOf(resource)) && !this.decoding.has(resource)) {
+    if (!isNeeded(this.urgencyOf(resource)) && !this.decoding.has(resource)) {
       this.arriving += resource.bytes;
       return;
     }
@@ -327,7 +322,7 @@ export class Loader {
 
   /** Decodes what the picture needs, and keeps the rest for later. */
   private arrive(resource: Resource, found: Found, signal: AbortSignal): void {
-    if (!isAhead(this.urgencyOf(resource)) || !(found instanceof Uint8Array)) return void this.prepare(resource, found, signal);
+    if (isNeeded(this.urgencyOf(resource)) || !(found instanceof Uint8Array)) return void this.prepare(resource, found, signal);
     this.loading.delete(resource);
     this.stock.put(resource, found);
     this.stock.trim((other) => this.urgencies.has(other));

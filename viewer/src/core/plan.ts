@@ -89,7 +89,8 @@ class Planner {
 
   /** Keeps what is held below a cell of the cut that is not there yet; returns where nothing is. */
   private retain(cell: Cell): Holes {
-    if (cell.heldBelow === 0) return HOLE;
+    // Below a cell whose index has not been read there is something, but nothing that could be drawn.
+    if (cell.heldBelow === 0 || cell.children === null) return HOLE;
     if (cell.level === 0) return this.drawGeometry(cell) ? COVERED : HOLE;
     return joinHoles(
       (cell.children ?? []).map((child) => {

@@ -12,13 +12,20 @@ export const URGENCY = {
   root: 0,
   /** What the picture shows. */
   seen: 1,
+  /** Geometry in the picture that is many times as large as the pictures that stand in for it meanwhile. */
+  detail: 2,
   /** What the picture will show soon, as the eye moves (ahead.ts). */
-  ahead: 2,
+  ahead: 3,
   /** Ancestors of the cut, to stand in when the eye moves on, and pictures of near leaves, much smaller than their geometry. */
-  cover: 3,
+  cover: 4,
   /** The cut outside the picture, for when the eye turns. */
-  unseen: 4,
+  unseen: 5,
 } as const;
+
+/** Whether the picture needs it now. */
+export function isNeeded(urgency: number): boolean {
+  return urgency <= URGENCY.detail;
+}
 
 /** A value that would be drawn if it were there. */
 export interface Want {
@@ -28,6 +35,8 @@ export interface Want {
   readonly level: number;
 }
 
+/** Geometry of a leaf that takes more bytes than this is waited for last: its pictures take a tenth or less. */
+const DETAIL_BYTES = 1 << 20;
 /** Levels from a cell of the cut up to the ancestor that is kept to stand in for it. */
 const COVER_LEVELS = 2;
 
@@ -60,8 +69,10 @@ export function listWants(
   const addGeometry = (cell: Cell, urgency: number): void => {
     const near = cell.geometry;
     const parts = near ? [near.leaf, ...near.meshes] : [];
-    add(parts, cell, urgency);
-    addPictures(cell, URGENCY.cover);
+    const absent = parts.reduce((sum, { held, bytes }) => sum + (held ? 0 : bytes), 0);
+    const isLarge = urgency === URGENCY.seen && absent > DETAIL_BYTES;
+    add(parts, cell, isLarge ? URGENCY.detail : urgency);
+    addPictures(cell, isLarge ? urgency : URGENCY.cover);
     if (!near || parts.some(lacks)) addPictures(cell, urgency);
   };
 

@@ -9,7 +9,7 @@ import type { Resource } from "../core/resource.js";
 import type { Servers } from "../core/servers.js";
 import { shownBy, type Shown } from "../core/shown.js";
 import { distanceTo, farthestIn, type Vector3 } from "../core/vector.js";
-import { coarseFirst, listWants, URGENCY, type Want } from "../core/wants.js";
+import { coarseFirst, isNeeded, listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
@@ -215,7 +215,7 @@ export class Session {
     const view = this.viewOf(viewpoint, width);
     const plan = makePlan(next.roots, next.manifest.directions, view);
     const lacks = this.parts.servers.lacking();
-    const wants = listWants(next.roots, plan, next.manifest, view, lacks).filter(({ urgency }) => urgency <= URGENCY.seen);
+    const wants = listWants(next.roots, plan, next.manifest, view, lacks).filter(({ urgency }) => isNeeded(urgency));
     const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource, lacks));
     if (!there && !this.isOverdue(wants)) {
       explore(next, plan);
@@ -345,7 +345,7 @@ function joined(first: readonly Want[], second: readonly Want[]): readonly Want[
 }
 
 function seenOf(wants: readonly Want[]): Resource[] {
-  return wants.filter(({ urgency }) => urgency <= URGENCY.seen).map(({ resource }) => resource);
+  return wants.filter(({ urgency }) => isNeeded(urgency)).map(({ resource }) => resource);
 }
 
 function drawnBy({ pictures, geometry }: Plan): Resource[] {
