@@ -90,10 +90,10 @@ class LevelsShown {
   }
 
   private isCoveredBelow(cell: Cell): boolean {
-    if (cell.heldBelow === 0) return false;
+    if (cell.heldBelow === 0 || cell.children === null) return false;
     if (cell.level === 0) return cell.geometry !== null && this.leaves.has(cell.geometry);
-    const seen = (cell.children ?? []).filter(({ reach }) => seesBox(this.view.frustum, reach));
-    return seen.length > 0 && seen.every((child) => this.pictures.has(child) || this.isCoveredBelow(child));
+    const seen = cell.children.filter(({ reach }) => seesBox(this.view.frustum, reach));
+    return seen.every((child) => this.pictures.has(child) || this.isCoveredBelow(child));
   }
 }
 
