@@ -21,6 +21,8 @@ NEVER = 1e9
 """Metres: the error of a tile without content, which is never looked at."""
 FINEST = -2
 """Level of the finest tiles: an error of a quarter of a leaf's pixel."""
+COPIED = (-1, 0, 2, 4)
+"""Levels of a cell with copies of what stands in many."""
 COARSER = 2
 """Levels above the one that is a single cell: little, for the first moment."""
 WORTH = 0.6
@@ -36,13 +38,17 @@ def write_tileset(folder: Path, scene: Scene, grid: Grid, instanced: bool) -> di
     contents = taken_apart(scene, corner, grid.leaf_size)
     cells = sorted({*contents.placements, *contents.unique})
     top = next(level for level in range(32) if len(above(cells, level)) == 1)
-    errors = {level: grid.pitch(0) * 2.0**level for level in range(FINEST, top + COARSER + 1)}
+    errors = {level: grid.pitch(0) * 2.0**level for level in range(FINEST, max(top + COARSER, *COPIED) + 1)}
     shelf = Shelf(folder)
     made: Contained = Kinds(contents, errors, shelf, instanced) if contents.kinds else Once(contents, errors, shelf)
     tree = _Tree(made, errors, cells)
-    roots = [tree.tile(top, cell, tuple(leaves)) for cell, leaves in above(cells, top).items()]
-    for level in range(top + 1, top + COARSER + 1):
-        roots = [tree.over(level, roots[0], cells)]
+    if contents.kinds and not instanced:
+        # A parent of copies is as large as its children: leaves do not become fewer. Cells have chains alone.
+        roots = [tree.chain(cell, COPIED) for cell in cells]
+    else:
+        roots = [tree.tile(top, cell, tuple(leaves)) for cell, leaves in above(cells, top).items()]
+        for level in range(top + 1, top + COARSER + 1):
+            roots = [tree.over(level, roots[0], cells)]
     children = [*_ground(contents.ground, errors, shelf), *roots]
     root = _tile(_around([_box(child) for child in children]), 4 * errors[top + COARSER], None, children) | {
         "refine": "ADD"
@@ -94,7 +100,7 @@ class _Tree:
     def tile(self, level: int, cell: Cell, leaves: tuple[Cell, ...]) -> dict[str, Any]:
         """A tile and all below it."""
         if level == 0:
-            return self._chain(cell, leaves)
+            return self.chain(cell, range(FINEST, 1))
         content = self.made.content(level, cell, leaves)
         below = above(list(leaves), level - 1)
         children = [self.tile(level - 1, child, tuple(own)) for child, own in below.items()]
@@ -105,12 +111,12 @@ class _Tree:
         content = self.made.content(level, (0, 0), tuple(leaves))
         return _tile(content.box, self.errors[level], content, [below])
 
-    def _chain(self, cell: Cell, leaves: tuple[Cell, ...]) -> dict[str, Any]:
+    def chain(self, cell: Cell, levels: Sequence[int]) -> dict[str, Any]:
         """The levels of a leaf cell, without those that save little."""
         made = None
         least = 0
-        for level in range(FINEST, 1):
-            content = self.made.content(level, cell, leaves)
+        for level in levels:
+            content = self.made.content(level, cell, (cell,))
             if made is not None and content.cost > WORTH * least:
                 continue
             least = content.cost
