@@ -1,14 +1,13 @@
 import { PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import type { Manifest } from "../core/manifest.js";
+import { FrameTimer } from "../three/frametimer.js";
 import { FarfieldWorld } from "../three/world.js";
 import type { OptionChanges } from "../three/options.js";
 import type { PageStats } from "./api.js";
 import { Controls } from "./controls.js";
 import { figuresOf, Rate } from "./figures.js";
-import { FrameTimer } from "./frametimer.js";
 import { airOf, readHash, writeHash } from "./hash.js";
 import { Messages } from "./messages.js";
-import { MotionQuality } from "./motion.js";
 import { Panel } from "./panel.js";
 import { controlsOf } from "./panelcontrols.js";
 import { DEFAULT_FOV, overview, type Pose } from "./pose.js";
@@ -41,7 +40,6 @@ export class Application {
   private readonly timer: FrameTimer;
   private readonly rate = new Rate();
   private readonly messages: Messages;
-  private readonly motion: MotionQuality;
   private panel: Panel | null = null;
   private frames = 0;
   private firstPicture: number | null = null;
@@ -49,7 +47,6 @@ export class Application {
   private last = performance.now();
   private nextFigures = 0;
   private restUntil = 0;
-  private moved = false;
   private hashTimer: ReturnType<typeof setTimeout> | undefined;
 
   /** context: WebGL2, made by the caller, who has to say so when there is none. */
@@ -63,9 +60,8 @@ export class Application {
     this.world = new FarfieldWorld(address);
     this.scene.add(this.world);
     this.timer = new FrameTimer(context);
-    this.motion = new MotionQuality(this.world.options, (quality) => this.world.setOptions(quality));
     this.controls = new Controls(this.camera, canvas, () => this.world.clearance);
-    this.controls.onmove = () => this.personMoved();
+    this.controls.onmove = () => this.rememberSoon();
     this.messages = new Messages(elements.message, elements.banner, () => this.world.retryNow());
     this.messages.opening(address.href);
     this.listen();
@@ -82,9 +78,7 @@ export class Application {
   }
 
   setOptions(changes: OptionChanges): void {
-    this.world.setOptions(this.motion.reduced ? { ...this.motion.wanted, ...changes } : changes);
-    const { supersampling, leastGain, layers } = this.world.options;
-    this.motion.wanted = { supersampling, leastGain, layers };
+    this.world.setOptions(changes);
     this.panel?.refresh();
     if (KEPT.some((name) => name in changes)) this.rememberSoon();
   }
@@ -144,9 +138,7 @@ export class Application {
     const start = performance.now();
     const seconds = Math.min(0.1, Math.max(0, now - this.last) / 1000);
     this.last = now;
-    const flying = this.controls.step(seconds);
-    this.motion.advance(start, this.moved || flying, this.timer.measured, this.timer.milliseconds);
-    this.moved = false;
+    this.controls.step(seconds);
     this.resize();
     const rested = start >= this.restUntil && !this.timer.busy;
     if (this.world.update(this.camera, this.renderer, rested)) {
@@ -179,11 +171,6 @@ export class Application {
     this.most = stats.tiles_pending === 0 ? 1 : Math.max(this.most, stats.tiles_pending);
     progress.hidden = stats.tiles_pending === 0 && this.firstPicture !== null;
     (progress.firstElementChild as HTMLElement).style.width = `${100 * (1 - stats.tiles_pending / this.most)}%`;
-  }
-
-  private personMoved(): void {
-    this.moved = true;
-    this.rememberSoon();
   }
 
   private rememberSoon(): void {

@@ -16,7 +16,8 @@ import type { Viewpoint } from "./viewpoint.js";
 export class Frame {
   readonly resolve: Mesh<BufferGeometry, ShaderMaterial>;
   private target: WebGLRenderTarget | null = null;
-  private samples = 1;
+  /** Pixels of the frame for one of the picture, a side: whole, or less than 1. */
+  private ratio = 1;
 
   constructor(light: LightUniforms, air: Air, shadows: Shadows) {
     const geometry = new BufferGeometry();
@@ -37,6 +38,7 @@ export class Frame {
         frame: { value: null },
         frameDepth: { value: null },
         samples: { value: 1 },
+        ratio: { value: 1 },
         near: { value: 1 },
         depthOf: { value: new Vector2() },
       },
@@ -47,11 +49,11 @@ export class Frame {
     this.resolve.visible = false;
   }
 
-  /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows. */
+  /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows; less than 1 are fewer than pixels. */
   resize(renderer: WebGLRenderer, width: number, height: number, samples: number): { width: number; height: number } {
     const fitting = Math.floor(renderer.capabilities.maxTextureSize / Math.max(width, height));
-    this.samples = Math.max(1, Math.min(samples, fitting));
-    const size = { width: width * this.samples, height: height * this.samples };
+    this.ratio = samples < 1 ? samples : Math.max(1, Math.min(Math.floor(samples), fitting));
+    const size = { width: Math.ceil(width * this.ratio), height: Math.ceil(height * this.ratio) };
     if (this.target && this.target.width === size.width && this.target.height === size.height) return size;
     this.target?.dispose();
     this.target = makeTarget(size.width, size.height);
@@ -84,7 +86,8 @@ export class Frame {
     const p = camera.projectionMatrix.elements;
     uniforms["frame"]!.value = this.target!.texture;
     uniforms["frameDepth"]!.value = this.target!.depthTexture;
-    uniforms["samples"]!.value = this.samples;
+    uniforms["samples"]!.value = Math.max(1, this.ratio);
+    uniforms["ratio"]!.value = this.ratio;
     uniforms["near"]!.value = near;
     (uniforms["depthOf"]!.value as Vector2).set(p[10]!, p[14]!);
     this.resolve.visible = true;

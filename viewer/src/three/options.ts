@@ -38,6 +38,11 @@ export interface WorldOptions {
    * face away or are hidden. The picture is the same.
    */
   readonly culling: Culling;
+  /**
+   * Milliseconds that a frame may take while the camera moves: as much less is drawn as that needs. 0: frames take as long as they
+   * take. At rest everything is drawn.
+   */
+  readonly frameMs: number;
 }
 
 const PHONE_CACHE = 192 << 20;
@@ -61,6 +66,7 @@ export function defaultOptions(): WorldOptions {
     ahead: 8,
     uploadBytes: 4 << 20,
     culling: "all",
+    frameMs: 40,
   };
 }
 

@@ -49,9 +49,11 @@ export interface WorldStats {
   readonly uploaded_bytes: number;
   /** Values and index tiles asked for, needed now or not, that have not come. */
   readonly under_way: number;
+  /** How much less is drawn than asked, because the camera moves and frames take too long: 0 to 5. */
+  readonly reduction: number;
 }
 
-export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): WorldStats {
+export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): Omit<WorldStats, "reduction"> {
   const { plan = null, loader, splats, near, preparer } = session ?? {};
   const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};

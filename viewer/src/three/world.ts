@@ -14,6 +14,7 @@ import { Generations } from "./generations.js";
 import { LightUniforms } from "./light.js";
 import { openManifest, sourceOf } from "./opening.js";
 import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
+import { Pace } from "./pace.js";
 import { Session } from "./session.js";
 import { Shadows } from "./shadows.js";
 import { statsOf, type WorldStats } from "./stats.js";
@@ -59,6 +60,7 @@ export class FarfieldWorld extends Object3D {
   private readonly waiting: (() => void)[] = [];
   private renderer: WebGLRenderer | null = null;
   private largestPoint = 64;
+  private readonly pace: Pace;
   private bad = 0;
   private lastCamera = "";
   private planDirty = true;
@@ -72,6 +74,7 @@ export class FarfieldWorld extends Object3D {
   constructor(url: string | URL, options: OptionChanges = {}, maker: WorkerMaker | null = makeWorker) {
     super();
     this.options = withChanges(defaultOptions(), options);
+    this.pace = new Pace(this.options, () => this.events.emit("arrived", undefined));
     this.source = sourceOf(url);
     this.pool = new DecodePool(maker);
     this.home = this.serverOf(this.source, null, this.closing.signal);
@@ -93,7 +96,7 @@ export class FarfieldWorld extends Object3D {
   }
 
   get stats(): WorldStats {
-    return statsOf(this.session, this.source, this.options, this.bad);
+    return { ...statsOf(this.session, this.source, this.options, this.bad), reduction: this.pace.reduction };
   }
 
   setOptions(changes: OptionChanges): void {
@@ -109,14 +112,18 @@ export class FarfieldWorld extends Object3D {
   update(camera: Camera, renderer: WebGLRenderer, mayDraw = true): boolean {
     const { session } = this;
     if (!session) return false;
+    const start = performance.now();
     this.meet(renderer);
     camera.updateMatrixWorld();
     this.updateWorldMatrix(true, false);
     const size = renderer.getDrawingBufferSize(new Vector2());
     if (this.moved(camera, size)) {
       session.moved();
+      this.pace.moved(start);
       this.invalidate();
     }
+    // Who waits for the complete picture wants all of it.
+    if (this.pace.advance(start, this.waiting.length > 0)) this.invalidate();
     if (session.loader.install(this.options.uploadBytes)) this.arrived = true;
     const may = mayDraw || this.mustDraw || session.pending === 0;
     if (this.planDirty || (this.arrived && may)) this.choose(session, camera, renderer, size);
@@ -124,6 +131,7 @@ export class FarfieldWorld extends Object3D {
     if (drawing) {
       this.drawDirty = this.mustDraw = false;
       session.draw(camera, this.largestPoint, size.x);
+      this.pace.submitted(start);
       // Shadow maps that could wait are drawn with the next frames.
       if (this.shadows.stale > 0) this.drawDirty = true;
     }
@@ -159,6 +167,7 @@ export class FarfieldWorld extends Object3D {
 
   override dispose(): void {
     this.closing.abort();
+    this.pace.dispose();
     this.generations?.close();
     this.session?.dispose();
     this.session = null;
@@ -194,7 +203,7 @@ export class FarfieldWorld extends Object3D {
     });
     const { pool, light, group, frame, shadows, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;
-    const options = (): WorldOptions => this.options;
+    const options = (): WorldOptions => this.pace.options;
     const parts = { index, servers, pool, light, group, scene: inner, frame, shadows, renderer, options };
     this.session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
@@ -242,10 +251,10 @@ export class FarfieldWorld extends Object3D {
 
   private choose(session: Session, camera: Camera, renderer: WebGLRenderer, size: Vector2): void {
     this.planDirty = this.arrived = false;
-    const framed = this.frame.resize(renderer, size.x, size.y, this.options.supersampling);
+    const framed = this.frame.resize(renderer, size.x, size.y, this.pace.options.supersampling);
     const viewpoint = viewpointOf(camera, this.matrixWorld, framed.width, framed.height);
     this.air.see(viewpoint, framed.width / size.x);
-    const different = session.choose(viewpoint, size.x);
+    const different = session.choose(viewpoint, Math.min(size.x, framed.width));
     if (different.picture) this.drawDirty = true;
     if (different.detail) this.changed();
     if (different.generation) this.events.emit("generation", session.index.manifest);
@@ -253,7 +262,7 @@ export class FarfieldWorld extends Object3D {
 
   /** Fulfils what waits for a complete picture, if the one drawn last is. */
   private settle(session: Session): void {
-    const settled = !this.planDirty && !this.arrived && !this.drawDirty && !this.generations?.busy;
+    const settled = !this.planDirty && !this.arrived && !this.drawDirty && this.pace.reduction === 0 && !this.generations?.busy;
     if (this.waiting.length === 0 || !settled || !session.complete) return;
     for (const resolve of this.waiting.splice(0)) resolve();
   }
@@ -262,7 +271,8 @@ export class FarfieldWorld extends Object3D {
   private meet(renderer: WebGLRenderer): void {
     if (this.renderer === renderer) return;
     this.renderer = renderer;
-    const gl = renderer.getContext();
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    this.pace.meet(gl);
     this.largestPoint = (gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE) as Float32Array)[1] ?? 64;
     renderer.domElement.addEventListener("webglcontextrestored", () => {
       this.session?.lost();
@@ -290,6 +300,7 @@ export class FarfieldWorld extends Object3D {
   }
 
   private applyOptions(): void {
+    this.pace.ask(this.options);
     this.light.set(this.options.light, this.options.sky);
     this.air.set(this.options);
     if (this.session) this.session.loader.budget = this.options.cacheBytes;

@@ -4,6 +4,7 @@
 uniform highp sampler2D frame;      // alpha: how squarely the sun shines on it
 uniform highp sampler2D frameDepth; // near / d, 0 where there is nothing
 uniform int samples;   // a side
+uniform float ratio;   // as many, or less than 1: pixels of the frame for one of the picture
 uniform float near;    // of the camera the frame was drawn with
 uniform int skyKind;   // 0: none, 1: one colour, 2: a clear sky
 uniform vec3 sky;      // linear light
@@ -21,8 +22,8 @@ vec3 shadowed(vec3 radiance, float share, vec3 ray, float d, vec2 jitter) {
 }
 
 void main() {
-    ivec2 corner = ivec2(gl_FragCoord.xy) * samples;
-    vec3 middle = toRay * vec3(gl_FragCoord.xy * float(samples), 1.0);
+    ivec2 corner = ivec2(floor(gl_FragCoord.xy) * ratio);
+    vec3 middle = toRay * vec3(gl_FragCoord.xy * ratio, 1.0);
     vec3 way = normalize(middle);
     vec3 veil = skyKind == 2 && haze > 0.0 ? horizonIn(way) : sky;
     float dimmed = haze * length(middle) * near;

@@ -8,20 +8,24 @@ export class FrameTimer {
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
 
-  /** To be called when all of a frame that began at `start` (performance.now) has been submitted. */
-  submitted(start: number): void {
+  /**
+   * To be called when all of a frame that began at `start` (performance.now) has been submitted; `done` is told its milliseconds, unless
+   * another is being measured.
+   */
+  submitted(start: number, done: (milliseconds: number) => void = () => undefined): void {
     if (this.running) return;
     const fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     if (!fence) return;
     this.running = true;
     this.gl.flush();
     const look = (): void => {
-      const done = this.gl.isContextLost() || this.gl.getSyncParameter(fence, this.gl.SYNC_STATUS) === this.gl.SIGNALED;
-      if (!done) return void setTimeout(look, 2);
+      const reached = this.gl.isContextLost() || this.gl.getSyncParameter(fence, this.gl.SYNC_STATUS) === this.gl.SIGNALED;
+      if (!reached) return void setTimeout(look, 2);
       this.running = false;
       this.milliseconds = performance.now() - start;
       this.measured++;
       this.gl.deleteSync(fence);
+      done(this.milliseconds);
     };
     setTimeout(look, 0);
   }
