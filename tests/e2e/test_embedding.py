@@ -45,6 +45,10 @@ renderer.setAnimationLoop(() => {
 });
 window.shown = world.whenComplete();
 window.world = world;
+window.THREE = THREE;
+window.shows = async () => {
+  for (let n = 0; n < 4; n++) await new Promise(requestAnimationFrame);
+};
 </script>"""
 
 
@@ -85,6 +89,54 @@ def test_shares_depth_and_background_with_the_scene(embedded: Visit) -> None:
     assert _share(with_world[150:160, 316:324], BLUE) == 1, "the post stands before the world"
     assert _share(without[300:310, 316:324], BLUE) == 1
     assert _share(with_world[300:310, 316:324], BLUE) == 0, "the ground hides its lower half"
+
+
+MOVING = """async () => {
+  const {session} = world, {draw} = session, box = (width, height, material) => {
+    const mesh = new THREE.Mesh(new THREE.BoxGeometry(width, width, height), material);
+    world.addMoving(mesh);
+    return mesh;
+  };
+  window.drawn = 0;
+  session.draw = function (...parts) { window.drawn++; return draw.apply(this, parts); };
+  // Half below the ground; and a white table far above it, upright and lit.
+  window.pole = box(4, 80, new THREE.MeshBasicMaterial({color: 0x0000ff}));
+  window.table = box(12, 1, new THREE.MeshStandardMaterial({color: 0xffffff}));
+  pole.rotation.z = 1;
+  pole.position.set(-30, 0, 0);
+  table.position.set(0, 0, 25);
+  await window.shows();
+}"""
+
+
+def test_moving_objects_are_hidden_by_the_world_lit_like_it_and_drawn_alone(embedded: Visit) -> None:
+    page = embedded.page
+    page.evaluate("world.parent.children.at(-1).visible = false")
+    page.evaluate("shows()")
+    before = _pixels(page.screenshot())
+    page.evaluate(MOVING)
+    left = _pixels(page.screenshot())
+    pole = np.argwhere((np.abs(left.astype(int) - BLUE).max(-1) <= 12)).mean(axis=0)
+    changed = np.argwhere((left != before).any(-1))
+    assert 1000 < (left == BLUE).all(-1).sum() < 12_000
+    assert pole[0] < 250, "the ground hides its lower half"
+    # White in the sun, 35 degrees high: 0.3 + sin 35, in linear light.
+    lit = round(255 * (1.055 * (0.3 + np.sin(np.radians(35))) ** (1 / 2.4) - 0.055))
+    assert ((np.abs(left.astype(int) - lit).max(-1) <= 1) & (before != left).any(-1)).sum() > 200
+    page.evaluate("pole.position.x = 30")
+    page.evaluate("shows()")
+    right = _pixels(page.screenshot())
+    moved = np.argwhere((np.abs(right.astype(int) - BLUE).max(-1) <= 12)).mean(axis=0)
+    assert moved[1] > pole[1] + 100
+    page.evaluate("world.removeMoving(table), (pole.visible = false)")
+    page.evaluate("shows()")
+    assert np.array_equal(_pixels(page.screenshot()), before)
+    assert page.evaluate("drawn") == 0, "the world itself was not drawn again"
+    stats = page.evaluate("world.stats")
+    assert (stats["moving_objects"], stats["moving_triangles"]) == (1, 0)
+    page.context.close()
+    assert embedded.errors == []
+    assert len(changed) > 300
 
 
 def _pixels(png: bytes) -> np.ndarray:

@@ -4,6 +4,7 @@ import { FrameTimer } from "../three/frametimer.js";
 import { FarfieldWorld } from "../three/world.js";
 import type { OptionChanges } from "../three/options.js";
 import type { PageStats } from "./api.js";
+import { Balloons } from "./balloons.js";
 import { Controls } from "./controls.js";
 import { figuresOf, Rate } from "./figures.js";
 import { airOf, readHash, writeHash } from "./hash.js";
@@ -41,6 +42,7 @@ export class Application {
   private readonly rate = new Rate();
   private readonly messages: Messages;
   private panel: Panel | null = null;
+  private balloons: Balloons | null = null;
   private frames = 0;
   private firstPicture: number | null = null;
   private most = 1;
@@ -123,9 +125,14 @@ export class Application {
     // A camera that was set while the manifest was on its way stays.
     if (this.pose.eye[1] === -1 && this.pose.target[1] === 0) this.controls.set(home());
     this.readHash();
+    const balloons = new Balloons(this.world, home());
+    this.balloons = balloons;
+    const { light, quality } = controlsOf(this);
+    const flying = { label: "Balloons", on: () => balloons.visible, turn: (on: boolean) => void (balloons.visible = on) };
     this.panel = new Panel(this.elements.panel, {
       title: manifest.name || "farfield",
-      ...controlsOf(this),
+      light,
+      quality: [...quality, flying],
       home: () => this.setPose(home()),
       share: () => void this.share(),
     });
@@ -139,6 +146,7 @@ export class Application {
     const seconds = Math.min(0.1, Math.max(0, now - this.last) / 1000);
     this.last = now;
     this.controls.step(seconds);
+    this.balloons?.advance(start);
     this.resize();
     const rested = start >= this.restUntil && !this.timer.busy;
     if (this.world.update(this.camera, this.renderer, rested)) {

@@ -22,7 +22,7 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
     "Splats held": count(stats.splats_in_memory),
     "in the frustum": count(stats.splats_in_frustum),
     drawn: count(stats.splats_drawn),
-    Triangles: count(stats.triangles),
+    Triangles: count(stats.triangles + stats.moving_triangles),
     "Cells by level": levels.map(([level, n]) => `${level}: ${n}`).join("  ") || "–",
     "Leaves as geometry": count(stats.geometry_cells),
     Received: size(stats.bytes),

@@ -50,6 +50,10 @@ export function controlsOf(page: Adjustable): { light: readonly (Control | Toggl
         get: () => -Math.log2(options().leastGain / LEAST_GAIN), set: (more) => set({ leastGain: LEAST_GAIN / 2 ** more }),
       },
       { label: "Depth layers", min: 1, max: 2, step: 1, get: () => options().layers, set: (layers) => set({ layers }) },
+      {
+        label: "Frame time", min: 0, max: 200, step: 10, unit: " ms",
+        get: () => options().frameMs, set: (frameMs) => set({ frameMs }),
+      },
       // More detail is less bias.
       { label: "Detail", min: -3, max: 2, step: 0.25, get: () => -options().bias, set: (detail) => set({ bias: -detail }) },
     ],

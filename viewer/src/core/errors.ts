@@ -8,6 +8,7 @@
  *     not-a-world   the address holds something else
  *     no-ranges     the server sends files only as a whole: an archive needs another
  *     unsupported   this browser cannot show it
+ *     limit         more than there is room for: ask for less
  *     aborted       nobody wants it any more
  */
 export type ErrorTag =
@@ -18,6 +19,7 @@ export type ErrorTag =
   | "not-a-world"
   | "no-ranges"
   | "unsupported"
+  | "limit"
   | "aborted";
 
 /** An error that says what, where and what to try. */

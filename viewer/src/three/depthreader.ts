@@ -1,14 +1,10 @@
-import {
-  AlwaysDepth, BufferGeometry, Camera, Float32BufferAttribute, GLSL3, Mesh, NoBlending, NoColorSpace, RawShaderMaterial, Scene,
-  NearestFilter, WebGLRenderTarget, type DepthTexture, type WebGLRenderer,
-} from "three";
+import { NearestFilter, NoColorSpace, WebGLRenderTarget, type DepthTexture, type WebGLRenderer } from "three";
 import { DepthPyramid } from "../core/depthpyramid.js";
 import type { Projection } from "../core/projection.js";
 import { drawApart } from "./frame.js";
+import { Pass } from "./pass.js";
 import fragmentText from "./shaders/farthest.frag.glsl";
-import vertexText from "./shaders/farthest.vert.glsl";
 
-const PRECISION = "precision highp float;\nprecision highp int;\n";
 /** Pixels of a square, at least, and squares along the longer side of a picture, at most. */
 const LEAST_TEXEL = 8;
 const MOST_TEXELS = 240;
@@ -30,45 +26,30 @@ export class DepthReader {
   private readonly target = new WebGLRenderTarget(1, 1, {
     colorSpace: NoColorSpace, depthBuffer: false, generateMipmaps: false, minFilter: NearestFilter, magFilter: NearestFilter,
   });
-  private readonly scene = new Scene();
-  private readonly camera = new Camera();
-  private readonly mesh: Mesh<BufferGeometry, RawShaderMaterial>;
+  private readonly pass = new Pass("farthest", fragmentText, {
+    frameDepth: { value: null as DepthTexture | null },
+    texel: { value: LEAST_TEXEL },
+  });
   private waiting: Waiting[] = [];
   private timer: ReturnType<typeof setTimeout> | undefined;
   private gl: WebGL2RenderingContext | null = null;
 
   /** found: told of the newest picture that has been read. */
-  constructor(private readonly found: (pyramid: DepthPyramid) => void) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
-    const material = new RawShaderMaterial({
-      name: "farfield farthest",
-      glslVersion: GLSL3,
-      vertexShader: vertexText,
-      fragmentShader: PRECISION + fragmentText,
-      depthFunc: AlwaysDepth,
-      depthWrite: false,
-      blending: NoBlending,
-      uniforms: { frameDepth: { value: null }, texel: { value: LEAST_TEXEL } },
-    });
-    this.mesh = new Mesh(geometry, material);
-    this.mesh.frustumCulled = false;
-    this.scene.add(this.mesh);
-  }
+  constructor(private readonly found: (pyramid: DepthPyramid) => void) {}
 
   /** Begins to read the depth of the picture `view`, which has been drawn. */
   read(renderer: WebGLRenderer, depth: DepthTexture, view: Projection): void {
     const texel = Math.max(LEAST_TEXEL, Math.ceil(Math.max(view.width, view.height) / MOST_TEXELS));
     const [columns, rows] = [Math.ceil(view.width / texel), Math.ceil(view.height / texel)];
     this.target.setSize(columns, rows);
-    const { uniforms } = this.mesh.material;
-    uniforms["frameDepth"]!.value = depth;
-    uniforms["texel"]!.value = texel;
+    const { uniforms } = this.pass;
+    uniforms.frameDepth.value = depth;
+    uniforms.texel.value = texel;
     const gl = renderer.getContext() as WebGL2RenderingContext;
     this.gl = gl;
     let buffer: WebGLBuffer | null = null;
     drawApart(renderer, this.target, () => {
-      renderer.render(this.scene, this.camera);
+      this.pass.draw(renderer);
       buffer = fetchPixels(gl, columns, rows);
     });
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
@@ -90,8 +71,7 @@ export class DepthReader {
   dispose(): void {
     this.clear();
     this.target.dispose();
-    this.mesh.geometry.dispose();
-    this.mesh.material.dispose();
+    this.pass.dispose();
   }
 
   private look(): void {

@@ -1,11 +1,13 @@
 import {
   BufferGeometry, CustomBlending, DepthTexture, Float32BufferAttribute, FloatType, Mesh, NearestFilter, NoColorSpace, OneFactor,
   OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, WebGLRenderTarget,
-  AlwaysDepth, type Camera, type Object3D, type WebGLRenderer, type Scene,
+  AlwaysDepth, type Camera, type Object3D, type Texture, type WebGLRenderer, type Scene,
 } from "three";
 import type { Air } from "./air.js";
 import type { LightUniforms } from "./light.js";
+import { Pass } from "./pass.js";
 import type { Shadows } from "./shadows.js";
+import copyText from "./shaders/copy.frag.glsl";
 import fragmentText from "./shaders/resolve.frag.glsl";
 import vertexText from "./shaders/resolve.vert.glsl";
 import shadowText from "./shaders/shadow.glsl";
@@ -16,6 +18,12 @@ import type { Viewpoint } from "./viewpoint.js";
 export class Frame {
   readonly resolve: Mesh<BufferGeometry, ShaderMaterial>;
   private target: WebGLRenderTarget | null = null;
+  /** The same with what moves; null while nothing does. */
+  private over: WebGLRenderTarget | null = null;
+  private readonly copy = new Pass("copy", copyText, {
+    frame: { value: null as Texture | null },
+    frameDepth: { value: null as Texture | null },
+  });
   /** Pixels of the frame for one of the picture, a side: whole, or less than 1. */
   private ratio = 1;
 
@@ -57,6 +65,7 @@ export class Frame {
     if (this.target && this.target.width === size.width && this.target.height === size.height) return size;
     this.target?.dispose();
     this.target = makeTarget(size.width, size.height);
+    this.leaveOver();
     return size;
   }
 
@@ -68,7 +77,31 @@ export class Frame {
   /** Draws a scene into the frame; it has been told of the viewpoint already. */
   draw(renderer: WebGLRenderer, scene: Scene, camera: Camera, viewpoint: Viewpoint): void {
     renderInto(this.target!, renderer, scene, camera);
-    this.show(camera, viewpoint);
+    this.show(camera, viewpoint, this.target!);
+  }
+
+  /** Draws a scene over what was drawn last, from the same viewpoint; that stays as it is. */
+  drawOver(renderer: WebGLRenderer, scene: Scene, camera: Camera, viewpoint: Viewpoint): void {
+    const { width, height, texture, depthTexture } = this.target!;
+    this.over ??= makeTarget(width, height);
+    this.copy.uniforms.frame.value = texture;
+    this.copy.uniforms.frameDepth.value = depthTexture;
+    drawApart(renderer, this.over, () => {
+      this.copy.draw(renderer);
+      renderer.render(scene, camera);
+    });
+    this.show(camera, viewpoint, this.over);
+  }
+
+  /** Shows what was drawn last without anything over it. */
+  showAlone(camera: Camera, viewpoint: Viewpoint): void {
+    this.leaveOver();
+    this.show(camera, viewpoint, this.target!);
+  }
+
+  private leaveOver(): void {
+    this.over?.dispose();
+    this.over = null;
   }
 
   addTo(parent: Object3D): void {
@@ -77,15 +110,17 @@ export class Frame {
 
   dispose(): void {
     this.target?.dispose();
+    this.leaveOver();
+    this.copy.dispose();
     this.resolve.geometry.dispose();
     this.resolve.material.dispose();
   }
 
-  private show(camera: Camera, { near }: Viewpoint): void {
+  private show(camera: Camera, { near }: Viewpoint, { texture, depthTexture }: WebGLRenderTarget): void {
     const { uniforms } = this.resolve.material;
     const p = camera.projectionMatrix.elements;
-    uniforms["frame"]!.value = this.target!.texture;
-    uniforms["frameDepth"]!.value = this.target!.depthTexture;
+    uniforms["frame"]!.value = texture;
+    uniforms["frameDepth"]!.value = depthTexture;
     uniforms["samples"]!.value = Math.max(1, this.ratio);
     uniforms["ratio"]!.value = this.ratio;
     uniforms["near"]!.value = near;

@@ -77,6 +77,8 @@ export class Session {
   private readonly reader = new DepthReader((pyramid) => this.hasRead(pyramid));
   /** How far one saw in the newest picture that has been read. */
   private before: DepthPyramid | null = null;
+  /** Of the picture that was drawn last. */
+  drawn: Viewpoint | null = null;
   /** The picture that was drawn last, while it is not certain that nothing is missing from it. */
   private unsure: Viewpoint | null = null;
 
@@ -258,6 +260,7 @@ export class Session {
     this.drawShadows(camera, largestPoint, width, sun);
     this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culling, before: this.before, bothSides: false });
     frame.draw(renderer(), scene, camera, viewpoint);
+    this.drawn = viewpoint;
     this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
     if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
   }

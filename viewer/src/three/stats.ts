@@ -51,9 +51,15 @@ export interface WorldStats {
   readonly under_way: number;
   /** How much less is drawn than asked, because the camera moves and frames take too long: 0 to 5. */
   readonly reduction: number;
+  /** Objects that may move, and triangles of those that are visible. */
+  readonly moving_objects: number;
+  readonly moving_triangles: number;
 }
 
-export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): Omit<WorldStats, "reduction"> {
+/** Figures that the world knows and its session does not. */
+type OwnFigures = "reduction" | "moving_objects" | "moving_triangles";
+
+export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): Omit<WorldStats, OwnFigures> {
   const { plan = null, loader, splats, near, preparer } = session ?? {};
   const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};

@@ -14,6 +14,7 @@ import { Generations } from "./generations.js";
 import { LightUniforms } from "./light.js";
 import { openManifest, sourceOf } from "./opening.js";
 import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
+import { MovingObjects } from "./moving.js";
 import { Pace } from "./pace.js";
 import { Session } from "./session.js";
 import { Shadows } from "./shadows.js";
@@ -49,6 +50,7 @@ export class FarfieldWorld extends Object3D {
   private generations: Generations | null = null;
   private readonly inner = new Scene();
   private readonly group = new Group();
+  private readonly moving = new MovingObjects();
   private readonly light = new LightUniforms();
   private readonly air = new Air();
   private readonly shadows = new Shadows();
@@ -96,7 +98,9 @@ export class FarfieldWorld extends Object3D {
   }
 
   get stats(): WorldStats {
-    return { ...statsOf(this.session, this.source, this.options, this.bad), reduction: this.pace.reduction };
+    const { moving, pace } = this;
+    const facts = statsOf(this.session, this.source, this.options, this.bad);
+    return { ...facts, reduction: pace.reduction, moving_objects: moving.count, moving_triangles: moving.triangles };
   }
 
   setOptions(changes: OptionChanges): void {
@@ -131,12 +135,29 @@ export class FarfieldWorld extends Object3D {
     if (drawing) {
       this.drawDirty = this.mustDraw = false;
       session.draw(camera, this.largestPoint, size.x);
-      this.pace.submitted(start);
       // Shadow maps that could wait are drawn with the next frames.
       if (this.shadows.stale > 0) this.drawDirty = true;
     }
+    const different = this.drawMoving(session, camera, drawing);
+    if (drawing) this.pace.submitted(start);
     this.settle(session);
-    return drawing;
+    return different;
+  }
+
+  /**
+   * Shows an object, with all its meshes, that may move from one update to the next: in local metres, z up, hidden by the world and hiding
+   * it, lit like its near geometry. It belongs to the world from then on; change its position, rotation, scale or `visible` as you like. Only it is
+   * drawn anew then, not the world. Throws `limit` beyond 64 objects, `unsupported` for anything but plain meshes.
+   */
+  addMoving(object: Object3D): void {
+    this.moving.add(object);
+    this.events.emit("arrived", undefined);
+  }
+
+  /** Shows an object no longer. */
+  removeMoving(object: Object3D): void {
+    this.moving.remove(object);
+    this.events.emit("arrived", undefined);
   }
 
   /** Fulfilled when everything that the current view wants, within its frustum, has been fetched and drawn. */
@@ -167,6 +188,7 @@ export class FarfieldWorld extends Object3D {
 
   override dispose(): void {
     this.closing.abort();
+    this.moving.dispose();
     this.pace.dispose();
     this.generations?.close();
     this.session?.dispose();
@@ -205,7 +227,7 @@ export class FarfieldWorld extends Object3D {
     const renderer = (): WebGLRenderer => this.renderer!;
     const options = (): WorldOptions => this.pace.options;
     const parts = { index, servers, pool, light, group, scene: inner, frame, shadows, renderer, options };
-    this.session = new Session(parts, {
+    const session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
       lacking: () => {
@@ -213,6 +235,8 @@ export class FarfieldWorld extends Object3D {
         this.events.emit("arrived", undefined);
       },
     });
+    this.session = session;
+    this.moving.drawWith((part) => session.near.materialOfMoving(part));
     this.changed();
   }
 
@@ -247,6 +271,17 @@ export class FarfieldWorld extends Object3D {
     const moved = now !== this.lastCamera;
     this.lastCamera = now;
     return moved;
+  }
+
+  /** Draws what moves over the world, if either is different, which it returns. */
+  private drawMoving(session: Session, camera: Camera, drawn: boolean): boolean {
+    const moved = this.moving.advance();
+    const viewpoint = session.drawn;
+    if (!viewpoint || !(drawn || moved)) return drawn;
+    this.moving.placeFor(viewpoint.eye);
+    if (this.moving.count > 0) this.frame.drawOver(this.renderer!, this.moving.scene, camera, viewpoint);
+    else this.frame.showAlone(camera, viewpoint);
+    return true;
   }
 
   private choose(session: Session, camera: Camera, renderer: WebGLRenderer, size: Vector2): void {

@@ -7,7 +7,7 @@ import type { Viewpoint } from "../viewpoint.js";
 import { InstancedModel, type DrawnLeaf } from "./instances.js";
 import { LeafLookup } from "./leaflookup.js";
 import { NearMaterials } from "./materials.js";
-import type { NearModel } from "./model.js";
+import type { NearModel, NearPart } from "./model.js";
 
 type LeafMesh = Mesh<BufferGeometry, RawShaderMaterial>;
 
@@ -57,6 +57,11 @@ export class NearGeometry {
     }
   }
 
+  /** What a part of something that moves among the leaves is drawn with. */
+  materialOfMoving(part: NearPart): RawShaderMaterial {
+    return this.materials.make(part, "moving");
+  }
+
   dispose(): void {
     for (const model of [...this.leaves.keys()]) this.forget(model);
     for (const model of this.instanced.values()) model.dispose();
@@ -85,7 +90,7 @@ export class NearGeometry {
 
   private makeLeaf(model: NearModel): LeafMesh[] {
     return model.parts.map((part) => {
-      const mesh: LeafMesh = new Mesh(part.geometry, this.materials.make(part, false));
+      const mesh: LeafMesh = new Mesh(part.geometry, this.materials.make(part, "leaf"));
       mesh.frustumCulled = false;
       mesh.matrixAutoUpdate = mesh.matrixWorldAutoUpdate = false;
       this.group.add(mesh);

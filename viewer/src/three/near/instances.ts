@@ -26,7 +26,7 @@ export class InstancedModel {
   ) {
     this.triangles = model.parts.reduce((sum, part) => sum + part.triangles, 0);
     this.meshes = model.parts.map((part) => {
-      const mesh = new InstancedMesh(part.geometry, materials.make(part, true), 1);
+      const mesh = new InstancedMesh(part.geometry, materials.make(part, "instanced"), 1);
       mesh.frustumCulled = false;
       mesh.matrixAutoUpdate = mesh.matrixWorldAutoUpdate = false;
       group.add(mesh);

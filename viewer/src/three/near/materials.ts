@@ -36,13 +36,15 @@ export class NearMaterials {
     this.shared.near.value = near;
   }
 
-  make({ surface, geometry }: NearPart, instanced: boolean): RawShaderMaterial {
+  /** kind: of a leaf, whose place is only a shift; of a mesh that is placed many times; or of an object that moves and turns. */
+  make({ surface, geometry }: NearPart, kind: "leaf" | "instanced" | "moving"): RawShaderMaterial {
     const defines: Record<string, string> = {};
     if (surface.map) defines["TEXTURED"] = "";
     if (surface.cutoff > 0) defines["CUT_OUT"] = "";
     if (surface.colored) defines["COLORED"] = "";
     if (surface.unlit) defines["UNLIT"] = "";
-    if (instanced) defines["INSTANCED"] = "";
+    if (kind === "instanced") defines["INSTANCED"] = "";
+    if (kind === "moving") defines["MOVING"] = "";
     if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();
     const lookup = { leaves: this.leaves, leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
     return new RawShaderMaterial({
@@ -58,7 +60,7 @@ export class NearMaterials {
       uniforms: {
         ...this.shared,
         ...this.light,
-        ...(instanced ? lookup : {}),
+        ...(kind === "instanced" ? lookup : {}),
         map: { value: surface.map },
         factor: { value: new Vector4(...surface.factor) },
         cutoff: { value: surface.cutoff },

@@ -61,6 +61,8 @@ function hashOf(parser: GLTFParser, index: number): string | null {
   return TEXTURE_HASH.exec(uri)?.[1] ?? null;
 }
 
+const WHITE = { r: 1, g: 1, b: 1 };
+
 function partsOf(scene: Object3D): NearPart[] {
   const parts: NearPart[] = [];
   scene.traverse((object) => {
@@ -74,8 +76,9 @@ function partsOf(scene: Object3D): NearPart[] {
   return parts;
 }
 
-function surfaceOf(material: Material, geometry: BufferGeometry): NearSurface {
-  const { color, map } = material as MeshStandardMaterial;
+/** What a material of three.js says of a surface. */
+export function surfaceOf(material: Material, geometry: BufferGeometry): NearSurface {
+  const { color = WHITE, map = null } = material as Partial<MeshStandardMaterial>;
   return {
     map: geometry.hasAttribute("uv") ? map : null,
     factor: [color.r, color.g, color.b, material.opacity],

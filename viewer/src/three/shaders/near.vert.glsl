@@ -14,7 +14,7 @@ out vec4 tint;
 in mat4 instanceMatrix;
 #endif
 
-uniform mat4 modelMatrix; // only a shift: from the eye to the frame of the positions
+uniform mat4 modelMatrix; // from the frame of the positions to the eye: only a shift, but of what moves
 uniform vec3 toX;         // rows of the linear part of the projection, pixels
 uniform vec3 toY;
 uniform vec3 toW;         // the view axis
@@ -25,9 +25,14 @@ out vec3 point;           // relative to the eye
 out vec3 facing;
 
 void main() {
+#if defined(INSTANCED) || defined(MOVING)
 #ifdef INSTANCED
     mat3 m = mat3(instanceMatrix);
     vec3 c = m * position + instanceMatrix[3].xyz;
+#else
+    mat3 m = mat3(modelMatrix);
+    vec3 c = m * position;
+#endif
     // Normals go with the cofactors, which keep their sense under mirroring too.
     mat3 cofactors = mat3(cross(m[1], m[2]), cross(m[2], m[0]), cross(m[0], m[1]));
     facing = cofactors * normal * sign(dot(m[0], cofactors[0]));
