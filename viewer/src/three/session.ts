@@ -26,6 +26,8 @@ import type { Viewpoint } from "./viewpoint.js";
 
 /** Milliseconds for which a new generation waits to be complete once the view moves: a flight may never rest. */
 const PATIENCE_MS = 3000;
+/** Milliseconds for which shadows stay as they are while things come in. */
+const SHADOWS_MS = 4000;
 
 /** Milliseconds without a complete picture after which what can stand in comes first: the link is slower than the flight. */
 const BEHIND_MS = 2000;
@@ -74,6 +76,10 @@ export class Session {
   /** What the picture of the last plan wants. */
   private seen: readonly Resource[] = [];
   private readonly coarsening: CoarseningControl;
+  /** What the shadow maps show, and how often that has changed. */
+  private casters: { readonly plan: Plan | null; readonly number: number } = { plan: null, number: 0 };
+  private castersAt = -Infinity;
+  private castersDoubtful = false;
   private readonly reader = new DepthReader((pyramid) => this.hasRead(pyramid));
   /** How far one saw in the newest picture that has been read. */
   private before: DepthPyramid | null = null;
@@ -178,13 +184,17 @@ export class Session {
     this.plan = plan;
     this.view = view;
     this.lastShown = null;
+    this.castersDoubtful = true;
     this.number++;
     this.seen = seenOf(wants);
     const soon = this.lookAhead(plan, view);
     explore(index, plan, this.ahead.unknown);
     this.loader.want(joined(next.wants ?? [], joinWants([this.inTime(wants, view), soon])), this.number, drawnBy(plan), this.next !== null);
     if (next.taken) this.loader.cache.dropGone();
-    return { picture: !before || !samePlan(plan, before), detail, generation: next.taken };
+    const picture = !before || !samePlan(plan, before);
+    // A picture that is complete has its own shadows at once.
+    if (picture && this.pending === 0) this.castersAt = -Infinity;
+    return { picture, detail, generation: next.taken };
   }
 
   /** Wants in their order, or, where the link has been too slow for a while, with what can stand in first. */
@@ -286,6 +296,16 @@ export class Session {
     this.near.set(geometry, view.viewpoint, view.sun);
   }
 
+  /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */
+  get shadowsDue(): boolean {
+    return this.parts.options().shadows && this.castersDoubtful && this.castersMayChange;
+  }
+
+  /** Shadow maps take as long as pictures: while things come in, what has come is gathered for a while. */
+  private get castersMayChange(): boolean {
+    return this.loader.underWay === 0 || performance.now() > this.castersAt + SHADOWS_MS;
+  }
+
   /** Brings the shadows up to date: what casts them is the same cut on all sides, as far as it is held. */
   private drawShadows(camera: Camera, largest: number, width: number, sun: Vector3): void {
     const { shadows, scene, renderer, options } = this.parts;
@@ -293,11 +313,21 @@ export class Session {
     const { eye } = this.viewpoint!;
     const { roots, manifest } = this.index;
     const plan = makePlan(roots, manifest.directions, { ...this.viewOf(this.viewpoint!, width), frustum: [] });
+    this.takeCasters(plan);
     const farthest = roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 0);
-    shadows.update(renderer(), { eye, sun, plan, nearest: this.clearance ?? 0, farthest }, (viewpoint, target) => {
+    const view = { eye, sun, casters: this.casters.number, nearest: this.clearance ?? 0, farthest };
+    shadows.update(renderer(), view, (viewpoint, target) => {
       this.place(plan, { viewpoint, sun, largest, culling: "frustum", before: null, bothSides: true });
       renderInto(target, renderer(), scene, camera);
     });
+  }
+
+  private takeCasters(plan: Plan): void {
+    if (!this.castersMayChange) return;
+    this.castersDoubtful = false;
+    this.castersAt = performance.now();
+    const { plan: before, number } = this.casters;
+    if (!before || !samePlan(plan, before)) this.casters = { plan, number: number + 1 };
   }
 
   dispose(): void {

@@ -2,7 +2,6 @@ import {
   DepthTexture, FloatType, Matrix4, NearestFilter, NoColorSpace, RedFormat, UnsignedByteType, Vector3 as Three, WebGLRenderTarget,
   type WebGLRenderer,
 } from "three";
-import { samePlan, type Plan } from "../core/plan.js";
 import { cross, distance, dot, type Vector3 } from "../core/vector.js";
 import { frustumOf, type Viewpoint } from "./viewpoint.js";
 
@@ -24,7 +23,7 @@ interface ShadowMap {
   view: Viewpoint;
   middle: Vector3;
   radius: number;
-  plan: Plan;
+  casters: number;
   sun: Vector3;
 }
 
@@ -37,8 +36,8 @@ export interface ShadowView {
   /** Metres to the nearest and the farthest surface. */
   readonly nearest: number;
   readonly farthest: number;
-  /** All that casts shadows, in the picture or not. */
-  readonly plan: Plan;
+  /** Another number whenever something else casts shadows. */
+  readonly casters: number;
 }
 
 /**
@@ -68,7 +67,7 @@ export class Shadows {
     radii.forEach((radius, n) => {
       const known = this.maps[n];
       const useful = known && known.target.width === size && isUseful(known, radius, view);
-      if (useful && samePlan(known.plan, view.plan)) return;
+      if (useful && known.casters === view.casters) return;
       if (useful && spare-- <= 0) this.stale++;
       else this.maps[n] = this.drawn(size, radius, view, known, draw);
     });
@@ -80,17 +79,19 @@ export class Shadows {
   clear(): void {
     this.uniforms.shadowCount.value = this.stale = 0;
     for (const map of this.maps.splice(0)) map?.target.dispose();
+    const named = this.uniforms as unknown as Record<string, { value: DepthTexture | null }>;
+    for (let n = 0; n < MAPS; n++) named[`shadowMap${n}`]!.value = null;
   }
 
   private drawn(
-    size: number, radius: number, { eye, sun, plan }: ShadowView, known: ShadowMap | undefined, draw: DrawScene,
+    size: number, radius: number, { eye, sun, casters }: ShadowView, known: ShadowMap | undefined, draw: DrawScene,
   ): ShadowMap {
     const target = known?.target.width === size ? known.target : makeTarget(size);
     if (target !== known?.target) known?.target.dispose();
     const covered = radius * ROOM;
     const view = seenFromSun(sun, eye, covered, size);
     draw(view, target);
-    return { target, view, middle: middleOf(view, covered), radius: covered, plan, sun };
+    return { target, view, middle: middleOf(view, covered), radius: covered, casters, sun };
   }
 
   private place(eye: Vector3): void {

@@ -131,6 +131,7 @@ export class FarfieldWorld extends Object3D {
     if (session.loader.install(this.options.uploadBytes)) this.arrived = true;
     const may = mayDraw || this.mustDraw || session.pending === 0;
     if (this.planDirty || (this.arrived && may)) this.choose(session, camera, renderer, size);
+    if (session.shadowsDue) this.drawDirty = true;
     const drawing = this.drawDirty && may;
     if (drawing) {
       this.drawDirty = this.mustDraw = false;
