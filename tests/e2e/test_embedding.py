@@ -116,7 +116,7 @@ def test_moving_objects_are_hidden_by_the_world_lit_like_it_and_drawn_alone(embe
     before = _pixels(page.screenshot())
     page.evaluate(MOVING)
     left = _pixels(page.screenshot())
-    pole = np.argwhere((np.abs(left.astype(int) - BLUE).max(-1) <= 12)).mean(axis=0)
+    pole = np.argwhere(np.abs(left.astype(int) - BLUE).max(-1) <= 12).mean(axis=0)
     changed = np.argwhere((left != before).any(-1))
     assert 1000 < (left == BLUE).all(-1).sum() < 12_000
     assert pole[0] < 250, "the ground hides its lower half"
@@ -126,7 +126,7 @@ def test_moving_objects_are_hidden_by_the_world_lit_like_it_and_drawn_alone(embe
     page.evaluate("pole.position.x = 30")
     page.evaluate("shows()")
     right = _pixels(page.screenshot())
-    moved = np.argwhere((np.abs(right.astype(int) - BLUE).max(-1) <= 12)).mean(axis=0)
+    moved = np.argwhere(np.abs(right.astype(int) - BLUE).max(-1) <= 12).mean(axis=0)
     assert moved[1] > pole[1] + 100
     page.evaluate("world.removeMoving(table), (pole.visible = false)")
     page.evaluate("shows()")
