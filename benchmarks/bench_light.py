@@ -40,9 +40,9 @@ from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.left_out import LeftOut
 from farfield.view.near import NearGeometry
 from farfield.view.picture import Picture
-from farfield.view.renderer import RenderOptions, SoundTree, chosen_directions, picture_radius, render_world
+from farfield.view.renderer import RenderOptions, SoundTree, chosen_tiles, picture_radius, render_world
 from farfield.view.shading import Light, radiance
-from farfield.view.tiles import TileCache, Wanted, places_of
+from farfield.view.tiles import TileCache, Wanted
 from farfield.view.truth import TruthOptions, draw_truth
 from farfield.world.index import CellEntry
 
@@ -123,10 +123,7 @@ def as_geometry(case: Case, camera: Camera, leaves: Sequence[CellEntry], light: 
 def from_pictures(case: Case, camera: Camera, leaves: Sequence[CellEntry], light: Light, cache: TileCache) -> Picture:
     """Those leaves alone, from their pictures."""
     frame, numbers, eye = Frame.empty(camera, case.size, SAMPLES), case.world.manifest.direction_by_number, camera.eye
-    wanted = [
-        Wanted(entry.cell, places_of(entry, chosen_directions(case.world, entry, np.array(eye), RenderOptions()), 2))
-        for entry in leaves
-    ]
+    wanted = [Wanted(entry.cell, chosen_tiles(case.world, entry, np.array(eye), RenderOptions())) for entry in leaves]
     for cell, layers in cache.cells(wanted):
         if isinstance(layers, CorruptTileError):
             raise layers

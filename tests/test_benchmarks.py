@@ -15,13 +15,19 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-IN_A_BROWSER = ("page", "mesh_levels")
+IN_A_BROWSER = ("bandwidth", "culling", "flight", "growth", "light", "mesh_levels", "page")
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in IN_A_BROWSER])
 def test_a_benchmark_in_small(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", name, "--quick", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("name", ["bandwidth", "culling", "flight", "growth", "light"])
+def test_a_benchmark_in_a_browser_in_small(name: str) -> None:
+    assert _in_a_process(name)
 
 
 @pytest.mark.browser
