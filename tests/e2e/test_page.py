@@ -166,9 +166,9 @@ LOW: list[tuple[Triple, Triple]] = [((-34.0, -30.0, 1.5), (0.0, 0.0, 2.0)), ((30
 
 @pytest.mark.parametrize("near", [0, 20])
 def test_at_rest_nothing_is_missing_that_was_left_out(address: str, visit: Callable[..., Visit], near: float) -> None:
-    """Bit for bit; drawn from another place before, or right before."""
+    """Bit for bit; drawn from another place before, or right before. Shadow maps stay while the eye moves a little: left out."""
     page = visit(address)
-    page.options(nearRadius=near, supersampling=2)
+    page.options(nearRadius=near, supersampling=2, shadows=False)
     less = 0
     for eye, target in [*CAMERAS, *LOW]:
         page.options(culling="none")
@@ -190,7 +190,7 @@ def test_at_rest_nothing_is_missing_that_was_left_out(address: str, visit: Calla
 
 def test_what_was_left_out_by_mistake_is_drawn_at_once(address: str, visit: Callable[..., Visit]) -> None:
     page = visit(address)
-    page.options(nearRadius=0)
+    page.options(nearRadius=0, shadows=False)
     page.look(*CAMERAS[0])
     right, frames = page.picture(), page.stats()["frames"]
     drawn = page.do("""() => {
