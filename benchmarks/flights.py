@@ -74,15 +74,17 @@ class Journey:
     size: tuple[int, int] = (640, 480)
     drawn_every: int = 1
     """Frames; of the others, or with 0 of all, everything is done but drawing itself: software needs seconds for it."""
+    frame: float = FRAME
+    """Seconds between frames."""
 
     def poses(self) -> Iterator[Pose]:
         """One a frame."""
         x, y, z = self.start
-        for n in range(round(self.seconds / FRAME)):
-            heading = radians(self._heading_at(n * FRAME))
+        for n in range(round(self.seconds / self.frame)):
+            heading = radians(self._heading_at(n * self.frame))
             ahead = (cos(heading), sin(heading))
             yield Pose((x, y, z), (x + 100 * ahead[0], y + 100 * ahead[1], z + 100 * sin(radians(self.pitch))))
-            x, y = x + ahead[0] * self.speed * FRAME, y + ahead[1] * self.speed * FRAME
+            x, y = x + ahead[0] * self.speed * self.frame, y + ahead[1] * self.speed * self.frame
 
     def _heading_at(self, t: float) -> float:
         swing, period = self.turns
@@ -139,7 +141,7 @@ def fly(browser: Browser, journey: Journey, bandwidth: float | None, delay: floa
     """Flies, beginning with an empty cache. bandwidth: bytes a second; delay: seconds."""
     clock = SteppedClock()
     options = ServeOptions(port=0, bandwidth=bandwidth, delay=delay, clock=clock, stall_seconds=STALL_SECONDS)
-    with serving(journey.store, options) as url, _opened(browser, url, journey, clock) as page:
+    with serving(journey.store, options) as url, on_the_clock(browser, url, journey, clock) as page:
         drawn_by = _drawing_threads(browser)
         flown = Flown(journey)
         for n, pose in enumerate(journey.poses()):
@@ -153,12 +155,12 @@ def fly(browser: Browser, journey: Journey, bandwidth: float | None, delay: floa
                 flown.processor.append(_spent(drawn_by) - before)
             for _ in range(SLICES):
                 clock.advance(FRAME / SLICES)
-                _settle(page, clock)
+                settle(page, clock)
         return flown
 
 
 @contextmanager
-def _opened(browser: Browser, url: str, journey: Journey, clock: SteppedClock) -> Iterator[Page]:
+def on_the_clock(browser: Browser, url: str, journey: Journey, clock: SteppedClock) -> Iterator[Page]:
     """The page with its manifest read and its options set, and nothing of the world fetched."""
     width, height = journey.size
     context = browser.new_context(viewport={"width": width, "height": height})
@@ -193,7 +195,7 @@ def _running(clock: SteppedClock) -> Iterator[None]:
         thread.join()
 
 
-def _settle(page: Page, clock: SteppedClock) -> None:
+def settle(page: Page, clock: SteppedClock) -> None:
     """Waits until the page has read what was sent, and the server has been asked for what the page wants then."""
     given_up = monotonic() + SETTLE_SECONDS
     while min(page.evaluate("flight.settle()"), CONNECTIONS) != clock.under_way and monotonic() < given_up:

@@ -166,7 +166,7 @@ LOW: list[tuple[Triple, Triple]] = [((-34.0, -30.0, 1.5), (0.0, 0.0, 2.0)), ((30
 
 @pytest.mark.parametrize("near", [0, 20])
 def test_at_rest_nothing_is_missing_that_was_left_out(address: str, visit: Callable[..., Visit], near: float) -> None:
-    """Bit for bit; drawn from another place before, or right before. Shadow maps stay while the eye moves a little: left out."""
+    """Bit for bit, drawn from another place before, or right before. No shadows: their maps follow the eye loosely."""
     page = visit(address)
     page.options(nearRadius=near, supersampling=2, shadows=False)
     less = 0

@@ -1,8 +1,7 @@
 import { NearestFilter, NoColorSpace, WebGLRenderTarget, type DepthTexture, type WebGLRenderer } from "three";
 import { DepthPyramid } from "../core/depthpyramid.js";
 import type { Projection } from "../core/projection.js";
-import { drawApart } from "./frame.js";
-import { Pass } from "./pass.js";
+import { drawApart, Pass } from "./pass.js";
 import fragmentText from "./shaders/farthest.frag.glsl";
 
 /** Pixels of a square, at least, and squares along the longer side of a picture, at most. */

@@ -1,22 +1,35 @@
 import {
-  BufferGeometry, CustomBlending, DepthTexture, Float32BufferAttribute, FloatType, Mesh, NearestFilter, NoColorSpace, OneFactor,
-  OneMinusSrcAlphaFactor, RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, WebGLRenderTarget,
-  AlwaysDepth, type Camera, type Object3D, type Texture, type WebGLRenderer, type Scene,
+  AlwaysDepth, CustomBlending, DepthTexture, FloatType, Mesh, NearestFilter, NoColorSpace, OneFactor, OneMinusSrcAlphaFactor,
+  RGBAFormat, ShaderMaterial, SRGBColorSpace, UnsignedByteType, Vector2, WebGLRenderTarget,
+  type BufferGeometry, type Camera, type IUniform, type Object3D, type Scene, type Texture, type WebGLRenderer,
 } from "three";
+import { FadeClock } from "../core/fadeclock.js";
 import type { Air } from "./air.js";
+import { Fading } from "./fading.js";
 import type { LightUniforms } from "./light.js";
-import { Pass } from "./pass.js";
+import { drawApart, Pass, wholeTriangle } from "./pass.js";
 import type { Shadows } from "./shadows.js";
 import copyText from "./shaders/copy.frag.glsl";
-import fragmentText from "./shaders/resolve.frag.glsl";
+import depthText from "./shaders/depth.glsl";
+import fadedText from "./shaders/faded.glsl";
+import averageText from "./shaders/resolve.frag.glsl";
 import vertexText from "./shaders/resolve.vert.glsl";
 import shadowText from "./shaders/shadow.glsl";
+import shownText from "./shaders/shown.frag.glsl";
 import skyText from "./shaders/sky.glsl";
 import type { Viewpoint } from "./viewpoint.js";
 
-/** The larger frame that the world is drawn into, and the triangle that averages it down into the scene. */
+/** The larger frame that the world is drawn into, and the triangle that shows it, averaged down, in the scene. */
 export class Frame {
-  readonly resolve: Mesh<BufferGeometry, ShaderMaterial>;
+  /** Seconds in which what is shown goes over into what is drawn; 0: at once. */
+  fade = 0;
+  private readonly screen: Mesh<BufferGeometry, ShaderMaterial>;
+  /** Shows the frame itself. */
+  private readonly resolve: ShaderMaterial;
+  /** Shows what the frame and what was shown before give together. */
+  private readonly shown: ShaderMaterial;
+  private readonly fading: Fading;
+  private readonly clock = new FadeClock();
   private target: WebGLRenderTarget | null = null;
   /** The same with what moves; null while nothing does. */
   private over: WebGLRenderTarget | null = null;
@@ -24,43 +37,43 @@ export class Frame {
     frame: { value: null as Texture | null },
     frameDepth: { value: null as Texture | null },
   });
+  private readonly uniforms = {
+    frame: { value: null as Texture | null },
+    frameDepth: { value: null as Texture | null },
+    samples: { value: 1 },
+    ratio: { value: 1 },
+    near: { value: 1 },
+    depthOf: { value: new Vector2() },
+    picture: { value: null as Texture | null },
+    pictureDepth: { value: null as Texture | null },
+  };
+  /** Of the picture, pixels. */
+  private readonly size = new Vector2();
   /** Pixels of the frame for one of the picture, a side: whole, or less than 1. */
   private ratio = 1;
 
   constructor(light: LightUniforms, air: Air, shadows: Shadows) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
-    const material = new ShaderMaterial({
-      name: "farfield resolve",
-      vertexShader: vertexText,
-      fragmentShader: [skyText, shadowText, fragmentText].join("\n"),
-      depthFunc: AlwaysDepth,
-      toneMapped: false,
-      blending: CustomBlending,
-      blendSrc: OneFactor,
-      blendDst: OneMinusSrcAlphaFactor,
-      uniforms: {
-        ...light,
-        ...air.uniforms,
-        ...shadows.uniforms,
-        frame: { value: null },
-        frameDepth: { value: null },
-        samples: { value: 1 },
-        ratio: { value: 1 },
-        near: { value: 1 },
-        depthOf: { value: new Vector2() },
-      },
-    });
-    this.resolve = new Mesh(geometry, material);
-    this.resolve.frustumCulled = false;
-    this.resolve.renderOrder = -Infinity;
-    this.resolve.visible = false;
+    const uniforms = { ...light, ...air.uniforms, ...shadows.uniforms, ...this.uniforms };
+    const averaging = [skyText, shadowText, depthText, fadedText, averageText].join("\n");
+    this.resolve = this.materialOf("resolve", averaging, uniforms);
+    this.shown = this.materialOf("shown", depthText + shownText, this.uniforms);
+    this.fading = new Fading(vertexText, averaging, uniforms);
+    this.screen = new Mesh(wholeTriangle(), this.resolve);
+    this.screen.frustumCulled = false;
+    this.screen.renderOrder = -Infinity;
+    this.screen.visible = false;
+  }
+
+  /** Whether what is shown is still on its way to what was drawn. */
+  get isFading(): boolean {
+    return this.fade > 0 && this.clock.fading;
   }
 
   /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows; less than 1 are fewer than pixels. */
   resize(renderer: WebGLRenderer, width: number, height: number, samples: number): { width: number; height: number } {
     const fitting = Math.floor(renderer.capabilities.maxTextureSize / Math.max(width, height));
     this.ratio = samples < 1 ? samples : Math.max(1, Math.min(Math.floor(samples), fitting));
+    this.size.set(width, height);
     const size = { width: Math.ceil(width * this.ratio), height: Math.ceil(height * this.ratio) };
     if (this.target && this.target.width === size.width && this.target.height === size.height) return size;
     this.target?.dispose();
@@ -74,14 +87,41 @@ export class Frame {
     return this.target!.depthTexture!;
   }
 
-  /** Draws a scene into the frame; it has been told of the viewpoint already. */
-  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera, viewpoint: Viewpoint): void {
+  /** Draws a scene into the frame, to be shown; it has been told of the viewpoint already. */
+  draw(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
     renderInto(this.target!, renderer, scene, camera);
-    this.show(camera, viewpoint, this.target!);
   }
 
-  /** Draws a scene over what was drawn last, from the same viewpoint; that stays as it is. */
-  drawOver(renderer: WebGLRenderer, scene: Scene, camera: Camera, viewpoint: Viewpoint): void {
+  /** Shows what was drawn last with a scene over it, seen from the same viewpoint; null: without. */
+  show(renderer: WebGLRenderer, camera: Camera, viewpoint: Viewpoint, over: Scene | null, how: ShowingHow): void {
+    if (over) this.drawOver(renderer, over, camera);
+    else this.leaveOver();
+    this.set(this.over ?? this.target!, camera, viewpoint);
+    if (this.fade > 0 && canFade(renderer)) this.showFaded(renderer, viewpoint, how);
+    else this.screen.material = this.resolve;
+    this.screen.visible = true;
+  }
+
+  /** Nothing has been shown before. */
+  forget(): void {
+    this.fading.forget();
+  }
+
+  addTo(parent: Object3D): void {
+    parent.add(this.screen);
+  }
+
+  dispose(): void {
+    this.target?.dispose();
+    this.leaveOver();
+    this.copy.dispose();
+    this.fading.dispose();
+    this.screen.geometry.dispose();
+    this.resolve.dispose();
+    this.shown.dispose();
+  }
+
+  private drawOver(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
     const { width, height, texture, depthTexture } = this.target!;
     this.over ??= makeTarget(width, height);
     this.copy.uniforms.frame.value = texture;
@@ -90,13 +130,6 @@ export class Frame {
       this.copy.draw(renderer);
       renderer.render(scene, camera);
     });
-    this.show(camera, viewpoint, this.over);
-  }
-
-  /** Shows what was drawn last without anything over it. */
-  showAlone(camera: Camera, viewpoint: Viewpoint): void {
-    this.leaveOver();
-    this.show(camera, viewpoint, this.target!);
   }
 
   private leaveOver(): void {
@@ -104,29 +137,51 @@ export class Frame {
     this.over = null;
   }
 
-  addTo(parent: Object3D): void {
-    parent.add(this.resolve);
-  }
-
-  dispose(): void {
-    this.target?.dispose();
-    this.leaveOver();
-    this.copy.dispose();
-    this.resolve.geometry.dispose();
-    this.resolve.material.dispose();
-  }
-
-  private show(camera: Camera, { near }: Viewpoint, { texture, depthTexture }: WebGLRenderTarget): void {
-    const { uniforms } = this.resolve.material;
+  private set({ texture, depthTexture }: WebGLRenderTarget, camera: Camera, { near }: Viewpoint): void {
+    const { uniforms } = this;
     const p = camera.projectionMatrix.elements;
-    uniforms["frame"]!.value = texture;
-    uniforms["frameDepth"]!.value = depthTexture;
-    uniforms["samples"]!.value = Math.max(1, this.ratio);
-    uniforms["ratio"]!.value = this.ratio;
-    uniforms["near"]!.value = near;
-    (uniforms["depthOf"]!.value as Vector2).set(p[10]!, p[14]!);
-    this.resolve.visible = true;
+    uniforms.frame.value = texture;
+    uniforms.frameDepth.value = depthTexture;
+    uniforms.samples.value = Math.max(1, this.ratio);
+    uniforms.ratio.value = this.ratio;
+    uniforms.near.value = near;
+    uniforms.depthOf.value.set(p[10]!, p[14]!);
   }
+
+  private showFaded(renderer: WebGLRenderer, viewpoint: Viewpoint, { fresh, atOnce }: ShowingHow): void {
+    const weight = this.clock.weight(performance.now(), fresh, atOnce ? 0 : this.fade);
+    const { ratio, fading } = this;
+    fading.blend(renderer, this.size, { viewpoint, ratio }, this.depth, weight);
+    this.uniforms.picture.value = fading.shown.texture;
+    this.uniforms.pictureDepth.value = fading.shown.depthTexture;
+    this.screen.material = this.shown;
+  }
+
+  private materialOf(name: string, fragmentShader: string, uniforms: Record<string, IUniform>): ShaderMaterial {
+    return new ShaderMaterial({
+      name: `farfield ${name}`,
+      vertexShader: vertexText,
+      fragmentShader,
+      depthFunc: AlwaysDepth,
+      toneMapped: false,
+      blending: CustomBlending,
+      blendSrc: OneFactor,
+      blendDst: OneMinusSrcAlphaFactor,
+      uniforms,
+    });
+  }
+}
+
+/** How a frame is shown. */
+export interface ShowingHow {
+  /** It has been drawn anew since it was shown last. */
+  readonly fresh: boolean;
+  /** Nothing of what was shown before stays. */
+  readonly atOnce: boolean;
+}
+
+function canFade({ extensions }: WebGLRenderer): boolean {
+  return extensions.has("EXT_color_buffer_float") || extensions.has("EXT_color_buffer_half_float");
 }
 
 /** Draws a scene into a target that holds nothing yet, leaving the renderer as it was. */
@@ -135,25 +190,6 @@ export function renderInto(target: WebGLRenderTarget, renderer: WebGLRenderer, s
     clear(renderer);
     renderer.render(scene, camera);
   });
-}
-
-/** Draws into a target without clearing it, and leaves the renderer as it was. */
-export function drawApart(renderer: WebGLRenderer, target: WebGLRenderTarget, draw: () => void): void {
-  const before = {
-    target: renderer.getRenderTarget(),
-    autoClear: renderer.autoClear,
-    shadows: renderer.shadowMap.autoUpdate,
-    xr: renderer.xr.enabled,
-  };
-  renderer.autoClear = false;
-  renderer.shadowMap.autoUpdate = false;
-  renderer.xr.enabled = false;
-  renderer.setRenderTarget(target);
-  draw();
-  renderer.setRenderTarget(before.target);
-  renderer.autoClear = before.autoClear;
-  renderer.shadowMap.autoUpdate = before.shadows;
-  renderer.xr.enabled = before.xr;
 }
 
 /** Nothing anywhere: transparent, and infinitely far (depth is near / distance). */

@@ -43,6 +43,8 @@ export interface WorldOptions {
    * take. At rest everything is drawn.
    */
   readonly frameMs: number;
+  /** Seconds in which what is shown goes over into what is drawn, so that nothing pops when cells change; 0: at once. */
+  readonly fade: number;
 }
 
 const PHONE_CACHE = 192 << 20;
@@ -67,6 +69,7 @@ export function defaultOptions(): WorldOptions {
     uploadBytes: 4 << 20,
     culling: "all",
     frameMs: 40,
+    fade: 0.5,
   };
 }
 

@@ -1,6 +1,6 @@
 import {
   AlwaysDepth, BufferGeometry, Camera, Float32BufferAttribute, GLSL3, Mesh, NoBlending, RawShaderMaterial, Scene, type IUniform,
-  type WebGLRenderer,
+  type WebGLRenderer, type WebGLRenderTarget,
 } from "three";
 import vertexText from "./shaders/whole.vert.glsl";
 
@@ -17,8 +17,6 @@ export class Pass<Uniforms extends Record<string, IUniform>> {
     fragmentText: string,
     readonly uniforms: Uniforms,
   ) {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
     const material = new RawShaderMaterial({
       name: `farfield ${name}`,
       glslVersion: GLSL3,
@@ -28,7 +26,7 @@ export class Pass<Uniforms extends Record<string, IUniform>> {
       blending: NoBlending,
       uniforms,
     });
-    this.mesh = new Mesh(geometry, material);
+    this.mesh = new Mesh(wholeTriangle(), material);
     this.mesh.frustumCulled = false;
     this.scene.add(this.mesh);
   }
@@ -42,4 +40,30 @@ export class Pass<Uniforms extends Record<string, IUniform>> {
     this.mesh.geometry.dispose();
     this.mesh.material.dispose();
   }
+}
+
+/** One triangle over all of a target. */
+export function wholeTriangle(): BufferGeometry {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new Float32BufferAttribute([-1, -1, 0, 3, -1, 0, -1, 3, 0], 3));
+  return geometry;
+}
+
+/** Draws into a target without clearing it, and leaves the renderer as it was. */
+export function drawApart(renderer: WebGLRenderer, target: WebGLRenderTarget, draw: () => void): void {
+  const before = {
+    target: renderer.getRenderTarget(),
+    autoClear: renderer.autoClear,
+    shadows: renderer.shadowMap.autoUpdate,
+    xr: renderer.xr.enabled,
+  };
+  renderer.autoClear = false;
+  renderer.shadowMap.autoUpdate = false;
+  renderer.xr.enabled = false;
+  renderer.setRenderTarget(target);
+  draw();
+  renderer.setRenderTarget(before.target);
+  renderer.autoClear = before.autoClear;
+  renderer.shadowMap.autoUpdate = before.shadows;
+  renderer.xr.enabled = before.xr;
 }

@@ -269,7 +269,7 @@ export class Session {
     const [viewpoint, sun] = [this.viewpoint!, sunDirection(light)];
     this.drawShadows(camera, largestPoint, width, sun);
     this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culling, before: this.before, bothSides: false });
-    frame.draw(renderer(), scene, camera, viewpoint);
+    frame.draw(renderer(), scene, camera);
     this.drawn = viewpoint;
     this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
     if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
@@ -279,6 +279,7 @@ export class Session {
   lost(): void {
     this.loader.cache.clear();
     this.reader.clear();
+    this.parts.frame.forget();
     this.before = null;
   }
 

@@ -139,7 +139,7 @@ export class FarfieldWorld extends Object3D {
       // Shadow maps that could wait are drawn with the next frames.
       if (this.shadows.stale > 0) this.drawDirty = true;
     }
-    const different = this.drawMoving(session, camera, drawing);
+    const different = this.show(session, camera, drawing);
     if (drawing) this.pace.submitted(start);
     this.settle(session);
     return different;
@@ -274,14 +274,16 @@ export class FarfieldWorld extends Object3D {
     return moved;
   }
 
-  /** Draws what moves over the world, if either is different, which it returns. */
-  private drawMoving(session: Session, camera: Camera, drawn: boolean): boolean {
-    const moved = this.moving.advance();
+  /** Shows the world and what moves over it, if either is different or goes over still, which it returns. */
+  private show(session: Session, camera: Camera, fresh: boolean): boolean {
+    const { moving, frame } = this;
+    const moved = moving.advance();
     const viewpoint = session.drawn;
-    if (!viewpoint || !(drawn || moved)) return drawn;
-    this.moving.placeFor(viewpoint.eye);
-    if (this.moving.count > 0) this.frame.drawOver(this.renderer!, this.moving.scene, camera, viewpoint);
-    else this.frame.showAlone(camera, viewpoint);
+    if (!viewpoint || !(fresh || moved || frame.isFading)) return false;
+    moving.placeFor(viewpoint.eye);
+    // Who waits for the complete picture gets it without what was before.
+    const atOnce = this.waiting.length > 0 && session.pending === 0;
+    frame.show(this.renderer!, camera, viewpoint, moving.count > 0 ? moving.scene : null, { fresh, atOnce });
     return true;
   }
 
@@ -298,7 +300,7 @@ export class FarfieldWorld extends Object3D {
 
   /** Fulfils what waits for a complete picture, if the one drawn last is. */
   private settle(session: Session): void {
-    const settled = !this.planDirty && !this.arrived && !this.drawDirty && this.pace.reduction === 0 && !this.generations?.busy;
+    const settled = !this.planDirty && !this.arrived && !this.drawDirty && this.pace.reduction === 0 && !this.frame.isFading && !this.generations?.busy;
     if (this.waiting.length === 0 || !settled || !session.complete) return;
     for (const resolve of this.waiting.splice(0)) resolve();
   }
@@ -339,6 +341,7 @@ export class FarfieldWorld extends Object3D {
     this.pace.ask(this.options);
     this.light.set(this.options.light, this.options.sky);
     this.air.set(this.options);
+    this.frame.fade = this.options.fade;
     if (this.session) this.session.loader.budget = this.options.cacheBytes;
     this.invalidate();
     this.changed();

@@ -9,7 +9,7 @@ uniform float near;    // of the camera the frame was drawn with
 uniform int skyKind;   // 0: none, 1: one colour, 2: a clear sky
 uniform vec3 sky;      // linear light
 uniform float haze;    // share a metre; 0: none
-uniform vec2 depthOf;  // third and fourth number of the projection's depth row
+uniform vec2 depthOf;
 uniform mat3 toRay;    // from samples to the ray through them, 1 along the view axis; world axes, metres
 uniform float texel;   // metres a picture's pixel takes at distance 1
 uniform vec3 ambientLight;
@@ -30,10 +30,16 @@ void main() {
     vec3 sum = vec3(0.0);
     float count = 0.0;
     float nearest = 0.0;
+#ifdef FADED
+    bool moves = false;
+#endif
     for (int j = 0; j < samples; j++) {
         for (int i = 0; i < samples; i++) {
             ivec2 at = corner + ivec2(i, j);
             float inverse = texelFetch(frameDepth, at, 0).r;
+#ifdef FADED
+            moves = moves || texelFetch(stillDepth, at, 0).r != inverse;
+#endif
             if (inverse == 0.0) continue;
             vec4 found = texelFetch(frame, at, 0);
             vec3 color = found.rgb;
@@ -48,16 +54,19 @@ void main() {
         }
     }
     float cover = count / float(samples * samples);
+    vec4 color = vec4(sum / float(samples * samples), cover);
     if (skyKind > 0) {
         vec3 behind = skyKind == 2 && cover < 1.0 ? skyIn(way) : sky;
-        gl_FragColor = vec4(sum / float(samples * samples) + (1.0 - cover) * behind, 1.0);
-    } else {
-        if (count == 0.0) discard;
-        gl_FragColor = vec4(sum / count, cover);
+        color = vec4(color.rgb + (1.0 - cover) * behind, 1.0);
     }
+#ifdef FADED
+    gl_FragColor = moves ? color : faded(color, middle, nearest, near);
+    gl_FragDepth = nearest;
+#else
+    if (color.a == 0.0) discard;
+    gl_FragColor = vec4(color.rgb / color.a, color.a);
     #include <colorspace_fragment>
     gl_FragColor.rgb *= gl_FragColor.a;
-    // depth = near / d, so 1 / d = depth / near.
-    float ndc = -depthOf.x + depthOf.y * nearest / near;
-    gl_FragDepth = nearest > 0.0 ? clamp(0.5 * ndc + 0.5, 0.0, 1.0) : 1.0;
+    gl_FragDepth = windowDepth(nearest, near, depthOf);
+#endif
 }
