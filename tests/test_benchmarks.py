@@ -15,7 +15,8 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-IN_A_BROWSER = ("bandwidth", "culling", "flight", "growth", "light", "mesh_levels", "page")
+ALONE = ("mesh_levels", "page", "steady")
+IN_A_BROWSER = ("bandwidth", "culling", "flight", "frames", "growth", "light", *ALONE)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in IN_A_BROWSER])
@@ -25,7 +26,7 @@ def test_a_benchmark_in_small(name: str, capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("name", ["bandwidth", "culling", "flight", "growth", "light"])
+@pytest.mark.parametrize("name", [name for name in IN_A_BROWSER if name not in ALONE])
 def test_a_benchmark_in_a_browser_in_small(name: str) -> None:
     assert _in_a_process(name)
 
@@ -33,6 +34,14 @@ def test_a_benchmark_in_a_browser_in_small(name: str) -> None:
 @pytest.mark.browser
 def test_the_page_in_small() -> None:
     assert _in_a_process("page")["flight"]["fetched_while_held"] == 0
+
+
+@pytest.mark.browser
+def test_steadiness_in_small() -> None:
+    """Fading leaves less temporal error and about the same picture."""
+    without, fading = _in_a_process("steady")["town"].values()
+    assert 0 < fading["moved"] < without["moved"]
+    assert fading["psnr"] > without["psnr"] - 1.5
 
 
 @pytest.mark.browser

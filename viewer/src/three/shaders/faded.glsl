@@ -39,16 +39,25 @@ vec4 pastAt(vec2 place, vec2 size) {
     return clamp(found, min(min(a, b), min(c, d)), max(max(a, b), max(c, d)));
 }
 
-// color: times alpha; ray: through the pixel, 1 along the view axis; nearest: near / d of what it shows.
-vec4 faded(vec4 color, vec3 ray, float nearest, float near) {
+// color: times alpha; ray: through the pixel, 1 along the view axis; nearest: near / d of what it shows; low and high: of its samples.
+vec4 faded(vec4 color, vec3 ray, float nearest, float near, vec4 low, vec4 high) {
     if (weight >= 1.0) return color;
     vec3 at = toPast * (nearest > 0.0 ? ray * (near / nearest) + pastShift : ray);
     if (at.z <= 0.0) return color;
     vec2 size = vec2(textureSize(past, 0));
     vec2 place = pastSame ? gl_FragCoord.xy : at.xy / at.z;
     if (any(lessThan(place, vec2(0.0))) || any(greaterThanEqual(place, size))) return color;
-    float found = texelFetch(pastDepth, ivec2(place), 0).r;
     float expected = nearest > 0.0 ? pastNear / at.z : 0.0;
-    if (abs(found - expected) > SAME_SURFACE * expected) return color;
-    return mix(pastSame ? texelFetch(past, ivec2(place), 0) : pastAt(place, size), color, weight);
+    float most = SAME_SURFACE * expected;
+    if (abs(texelFetch(pastDepth, ivec2(place), 0).r - expected) > most) return color;
+    if (pastSame) return mix(texelFetch(past, ivec2(place), 0), color, weight);
+    bool edge = false;
+    ivec2 corner = ivec2(floor(place - 0.5));
+    for (int n = 0; n < 4; n++) {
+        ivec2 beside = clamp(corner + ivec2(n & 1, n >> 1), ivec2(0), ivec2(size) - 1);
+        edge = edge || abs(texelFetch(pastDepth, beside, 0).r - expected) > most;
+    }
+    vec4 before = pastAt(place, size);
+    // Where another surface begins, its colour would be drawn along: only as much of the past as the samples leave room for.
+    return mix(edge ? clamp(before, low, high) : before, color, weight);
 }

@@ -32,6 +32,8 @@ void main() {
     float nearest = 0.0;
 #ifdef FADED
     bool moves = false;
+    vec4 low = vec4(1e9);
+    vec4 high = vec4(0.0);
 #endif
     for (int j = 0; j < samples; j++) {
         for (int i = 0; i < samples; i++) {
@@ -49,18 +51,23 @@ void main() {
             }
             if (haze > 0.0) color = mix(veil, color, exp(-dimmed / inverse));
             sum += color;
+#ifdef FADED
+            low = min(low, vec4(color, 1.0));
+            high = max(high, vec4(color, 1.0));
+#endif
             count += 1.0;
             nearest = max(nearest, inverse);
         }
     }
     float cover = count / float(samples * samples);
-    vec4 color = vec4(sum / float(samples * samples), cover);
-    if (skyKind > 0) {
-        vec3 behind = skyKind == 2 && cover < 1.0 ? skyIn(way) : sky;
-        color = vec4(color.rgb + (1.0 - cover) * behind, 1.0);
-    }
+    vec4 behind = skyKind > 0 ? vec4(skyKind == 2 && cover < 1.0 ? skyIn(way) : sky, 1.0) : vec4(0.0);
+    vec4 color = vec4(sum / float(samples * samples), cover) + (1.0 - cover) * behind;
 #ifdef FADED
-    gl_FragColor = moves ? color : faded(color, middle, nearest, near);
+    if (cover < 1.0) {
+        low = min(low, behind);
+        high = max(high, behind);
+    }
+    gl_FragColor = moves ? color : faded(color, middle, nearest, near, low, high);
     gl_FragDepth = nearest;
 #else
     if (color.a == 0.0) discard;
