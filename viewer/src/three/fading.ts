@@ -26,7 +26,7 @@ export class Fading {
     toPast: { value: new Matrix3() },
     pastShift: { value: new Vector3() },
     pastNear: { value: 1 },
-    pastSame: { value: false },
+    pastSame: { value: true },
     weight: { value: 1 },
   };
   private readonly scene = new Scene();
@@ -71,6 +71,7 @@ export class Fading {
     this.uniforms.past.value = past.texture;
     this.uniforms.pastDepth.value = past.depthTexture;
     this.uniforms.weight.value = this.before ? weight : 1;
+    this.uniforms.pastSame.value = true;
     if (this.before) this.place(this.before, now);
     drawApart(renderer, next, () => renderer.render(this.scene, new Camera()));
     this.targets = [next, past];
@@ -82,6 +83,7 @@ export class Fading {
     for (const target of this.targets ?? []) target.dispose();
     this.targets = null;
     this.before = null;
+    this.uniforms.pastSame.value = true;
   }
 
   dispose(): void {

@@ -12,6 +12,7 @@ import type { Shadows } from "./shadows.js";
 import copyText from "./shaders/copy.frag.glsl";
 import depthText from "./shaders/depth.glsl";
 import fadedText from "./shaders/faded.glsl";
+import pastText from "./shaders/past.glsl";
 import averageText from "./shaders/resolve.frag.glsl";
 import vertexText from "./shaders/resolve.vert.glsl";
 import shadowText from "./shaders/shadow.glsl";
@@ -23,6 +24,8 @@ import type { Viewpoint } from "./viewpoint.js";
 export class Frame {
   /** Seconds in which what is shown goes over into what is drawn; 0: at once. */
   fade = 0;
+  /** Share of the time between two pictures for which a shutter is open. */
+  shutter = 0;
   private readonly screen: Mesh<BufferGeometry, ShaderMaterial>;
   /** Shows the frame itself. */
   private readonly resolve: ShaderMaterial;
@@ -46,6 +49,7 @@ export class Frame {
     depthOf: { value: new Vector2() },
     picture: { value: null as Texture | null },
     pictureDepth: { value: null as Texture | null },
+    shutter: { value: 0 },
   };
   /** Of the picture, pixels. */
   private readonly size = new Vector2();
@@ -54,10 +58,11 @@ export class Frame {
 
   constructor(light: LightUniforms, air: Air, shadows: Shadows) {
     const uniforms = { ...light, ...air.uniforms, ...shadows.uniforms, ...this.uniforms };
-    const averaging = [skyText, shadowText, depthText, fadedText, averageText].join("\n");
+    const averaging = [skyText, shadowText, depthText, averageText].join("\n");
     this.resolve = this.materialOf("resolve", averaging, uniforms);
-    this.shown = this.materialOf("shown", depthText + shownText, this.uniforms);
-    this.fading = new Fading(vertexText, averaging, uniforms);
+    this.fading = new Fading(vertexText, [pastText, fadedText, averaging].join("\n"), uniforms);
+    const showing = { ...air.uniforms, ...this.fading.uniforms, ...this.uniforms };
+    this.shown = this.materialOf("shown", [pastText, depthText, shownText].join("\n"), showing);
     this.screen = new Mesh(wholeTriangle(), this.resolve);
     this.screen.frustumCulled = false;
     this.screen.renderOrder = -Infinity;
@@ -66,7 +71,7 @@ export class Frame {
 
   /** Whether what is shown is still on its way to what was drawn. */
   get isFading(): boolean {
-    return this.fade > 0 && this.clock.fading;
+    return (this.fade > 0 && this.clock.fading) || (this.shutter > 0 && !this.fading.uniforms.pastSame.value);
   }
 
   /** Frame size for a picture of `width` x `height` pixels: as many samples a side as the card allows; less than 1 are fewer than pixels. */
@@ -97,8 +102,8 @@ export class Frame {
     if (over) this.drawOver(renderer, over, camera);
     else this.leaveOver();
     this.set(this.over ?? this.target!, camera, viewpoint);
-    if (this.fade > 0 && canFade(renderer)) this.showFaded(renderer, viewpoint, how);
-    else this.screen.material = this.resolve;
+    if ((this.fade > 0 || this.shutter > 0) && canFade(renderer)) this.showFaded(renderer, viewpoint, how);
+    else this.showAlone();
     this.screen.visible = true;
   }
 
@@ -152,9 +157,15 @@ export class Frame {
     const weight = this.clock.weight(performance.now(), fresh, atOnce ? 0 : this.fade);
     const { ratio, fading } = this;
     fading.blend(renderer, this.size, { viewpoint, ratio }, this.depth, weight);
+    this.uniforms.shutter.value = atOnce ? 0 : this.shutter;
     this.uniforms.picture.value = fading.shown.texture;
     this.uniforms.pictureDepth.value = fading.shown.depthTexture;
     this.screen.material = this.shown;
+  }
+
+  private showAlone(): void {
+    this.fading.forget();
+    this.screen.material = this.resolve;
   }
 
   private materialOf(name: string, fragmentShader: string, uniforms: Record<string, IUniform>): ShaderMaterial {

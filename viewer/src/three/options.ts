@@ -45,6 +45,8 @@ export interface WorldOptions {
   readonly frameMs: number;
   /** Seconds in which what is shown goes over into what is drawn, so that nothing pops when cells change; 0: at once. */
   readonly fade: number;
+  /** Motion blur: share of the time between two pictures for which a shutter is open, 0 to 1. */
+  readonly shutter: number;
 }
 
 const PHONE_CACHE = 192 << 20;
@@ -70,6 +72,7 @@ export function defaultOptions(): WorldOptions {
     culling: "all",
     frameMs: 40,
     fade: 0.5,
+    shutter: 0,
   };
 }
 

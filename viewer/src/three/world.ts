@@ -342,6 +342,7 @@ export class FarfieldWorld extends Object3D {
     this.light.set(this.options.light, this.options.sky);
     this.air.set(this.options);
     this.frame.fade = this.options.fade;
+    this.frame.shutter = this.options.shutter;
     if (this.session) this.session.loader.budget = this.options.cacheBytes;
     this.invalidate();
     this.changed();

@@ -3,10 +3,6 @@
 uniform highp sampler2D past;       // linear light, times alpha
 uniform highp sampler2D pastDepth;  // its near / d, 0 where there was nothing
 uniform highp sampler2D stillDepth; // of the frame without what moves
-uniform mat3 toPast;    // from world axes, metres from the past eye, to pixels of the past picture times d, and d
-uniform vec3 pastShift; // from the past eye to this one
-uniform float pastNear;
-uniform bool pastSame;  // from the same place
 uniform float weight;   // of the new picture
 
 // Distances that differ by less are of one surface: less follows canopies badly, more drags what is behind along.
@@ -42,7 +38,7 @@ vec4 pastAt(vec2 place, vec2 size) {
 // color: times alpha; ray: through the pixel, 1 along the view axis; nearest: near / d of what it shows; low and high: of its samples.
 vec4 faded(vec4 color, vec3 ray, float nearest, float near, vec4 low, vec4 high) {
     if (weight >= 1.0) return color;
-    vec3 at = toPast * (nearest > 0.0 ? ray * (near / nearest) + pastShift : ray);
+    vec3 at = inPast(ray, nearest, near);
     if (at.z <= 0.0) return color;
     vec2 size = vec2(textureSize(past, 0));
     vec2 place = pastSame ? gl_FragCoord.xy : at.xy / at.z;
