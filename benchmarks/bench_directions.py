@@ -1,0 +1,134 @@
+"""How many directions a world needs, and how many of a cell a viewer draws (OV Figure 5): a city with narrow streets.
+
+    farfield bench directions [--quick] [--json]
+    python benchmarks/bench_directions.py [--work DIR] [--data DIR] [--pictures DIR]      leaves the pictures as well
+
+The square kilometre of Tokyo of bench_quality.py at half its size (256 px, pictures of 320 x 240, every third of its
+cameras, all from r on), baked with each preset of directions and two layers. Of each world 2, 3 and 5 directions of a
+cell are drawn, and the tiles that the index picks: covered PSNR and FLIP against the geometry, megabytes of the tiles
+in a picture, and beside them the bytes of all tiles and of the world.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from PIL import Image
+
+from bench_quality import DATA, FOLDER, LEAF_SIZE, WORK, Case, baked, compared, summary
+from farfield.bake.options import BakeOptions
+from farfield.geometry.cameras import Camera
+from farfield.view.path import read_path
+from farfield.view.renderer import RenderOptions
+from farfield.view.tiles import TileCache
+from farfield.world.world import World
+
+sys.path.insert(0, str(FOLDER.parent / "scripts"))
+from convert_tokyo import write_flatgeobuf
+
+PRESETS = ("5", "9", "13", "17", "26")
+"""Directions that a world holds of each cell."""
+DRAWN = {str(views): RenderOptions(views=views) for views in (2, 3, 5)} | {"picks": RenderOptions()}
+"""What is drawn of a cell: so many directions, or the tiles that its index picks."""
+SIZE = 320, 240
+EVERY = 3
+"""Of the cameras under benchmarks/cameras."""
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Preset -> bytes, and what is drawn -> figures; quick: a few blocks of houses, two presets, one small picture."""
+    with tempfile.TemporaryDirectory(prefix="farfield-directions-") as name:
+        if quick:
+            return figures(blocks(Path(name), "5"), ("5", "9"), Path(name))
+        return figures(tokyo(Path(name), DATA, PRESETS[0]), PRESETS, Path(name))
+
+
+def figures(case: Case, presets: tuple[str, ...], work: Path, pictures: Path | None = None) -> dict[str, Any]:
+    """See `run`. case: with the world of the first preset; pictures: folder for PRESET/DRAWN-CAMERA.png."""
+    found: dict[str, Any] = {}
+    for preset in presets:
+        grid = case.world.grid
+        case = replace(case, world=_baked(case.scene, work, preset, grid.leaf_size, grid.resolution))
+        cache = TileCache(case.world, 1 << 30)
+        found[preset] = {
+            "tile_bytes": sum(size for entry in case.world.cells() for _, _, size in entry.tiles),
+            "world_bytes": case.world.manifest.statistics.bytes,
+        }
+        for name, options in DRAWN.items():
+            pictured = pictures and pictures / preset / f"{name}.png"
+            rows = summary(list(compared(case, options, cache, pictured)))
+            found[preset][name] = {key: rows[key] for key in ("psnr_covered", "flip_covered", "tile_bytes", "splats")}
+    return found
+
+
+def tokyo(work: Path, data: Path, preset: str) -> Case:
+    """The square kilometre, from every third of its cameras."""
+    from scenes import make
+
+    scene = make("tokyo", data, work / "scenes")
+    cameras = tuple(frame.camera for frame in read_path(FOLDER / "cameras/tokyo.json").frames[::EVERY])
+    return Case(scene, _baked(scene, work, preset, LEAF_SIZE["tokyo"], 256), cameras, 0, work / "truth", SIZE)
+
+
+def blocks(work: Path, preset: str) -> Case:
+    """Sixteen houses 8 m wide and up to 20 m high with 3 m between them."""
+    random = np.random.default_rng(5)
+    corners = [(11.0 * x, 11.0 * y) for x in range(4) for y in range(4)]
+    houses = np.array([shapely.box(x, y, x + 8, y + 8) for x, y in corners], object)
+    write_flatgeobuf(work / "houses.fgb", houses, random.uniform(8, 20, len(houses)))
+    scene = work / "scene.toml"
+    scene.write_text(
+        'crs = "EPSG:6677"\norigin = [0.0, 0.0, 0.0]\n\n[[source]]\npath = "houses.fgb"\nheight_attribute = "height"\n'
+    )
+    camera = Camera((-30.0, -40.0, 40.0), (20.0, 20.0, 5.0))
+    return Case(scene, _baked(scene, work, preset, 16.0, 64), (camera,), 0, work / "truth", (80, 60), 4)
+
+
+def _baked(scene: Path, work: Path, preset: str, leaf_size: float, resolution: int) -> World:
+    options = BakeOptions(leaf_size=leaf_size, resolution=resolution, directions=preset, workers=1)
+    return baked(scene, work / f"world-{preset}", options)
+
+
+SHOWN = (("true", "5/3", "9/3", "26/3"), ("9/2", "9/3", "9/5", "9/picks"))
+"""Rows of the figure: PRESET/DRAWN."""
+
+
+def panel(folder: Path, camera: int) -> NDArray[np.uint8]:
+    """The true picture, then 5, 9 and 26 directions of which three are drawn; below, 2, 3, 5 of nine, and picks."""
+    rows = []
+    for names in SHOWN:
+        tiles = []
+        for name in names:
+            file = folder / (f"{name}-{camera:02d}.png" if name != "true" else f"9/3-{camera:02d}.png")
+            with Image.open(file) as image:
+                start = SIZE[0] * (name != "true")
+                tiles.append(np.array(image.convert("RGB").crop((start, 0, start + SIZE[0], SIZE[1]))))
+        rows.append(np.concatenate(tiles, axis=1))
+    return np.concatenate(rows)
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--work", type=Path, default=WORK.with_name("directions"))
+    parser.add_argument("--data", type=Path, default=DATA)
+    parser.add_argument("--pictures", type=Path, help="where to leave pictures side by side")
+    given = parser.parse_args()
+    found = figures(tokyo(given.work, given.data, PRESETS[0]), PRESETS, given.work, given.pictures)
+    print(json.dumps(found, indent=1))
+    if given.pictures:
+        for camera in range(4):
+            Image.fromarray(panel(given.pictures, camera)).save(given.pictures / f"panel-{camera}.png")
+
+
+if __name__ == "__main__":
+    main()
