@@ -98,22 +98,21 @@ def _baked(scene: Path, work: Path, preset: str, leaf_size: float, resolution: i
     return baked(scene, work / f"world-{preset}", options)
 
 
-SHOWN = (("true", "5/3", "9/3", "26/3"), ("9/2", "9/3", "9/5", "9/picks"))
+SHOWN = (("true", "5/3", "9/3", "17/3"), ("9/2", "9/5", "9/picks", "17/5"))
 """Rows of the figure: PRESET/DRAWN."""
+HEIGHT = 196
+"""Pixels of a picture that the figure shows: below them is what is left out."""
 
 
 def panel(folder: Path, camera: int) -> NDArray[np.uint8]:
-    """The true picture, then 5, 9 and 26 directions of which three are drawn; below, 2, 3, 5 of nine, and picks."""
-    rows = []
-    for names in SHOWN:
-        tiles = []
-        for name in names:
-            file = folder / (f"{name}-{camera:02d}.png" if name != "true" else f"9/3-{camera:02d}.png")
-            with Image.open(file) as image:
-                start = SIZE[0] * (name != "true")
-                tiles.append(np.array(image.convert("RGB").crop((start, 0, start + SIZE[0], SIZE[1]))))
-        rows.append(np.concatenate(tiles, axis=1))
-    return np.concatenate(rows)
+    """The true picture, then three of 5, 9 and 17 directions; below, 2 and 5 of 9, picks of 9, and 5 of 17."""
+    return np.concatenate([np.concatenate([_tile(folder, name, camera) for name in row], axis=1) for row in SHOWN])
+
+
+def _tile(folder: Path, name: str, camera: int) -> NDArray[np.uint8]:
+    left = SIZE[0] * (name != "true")
+    with Image.open(folder / f"{'9/3' if name == 'true' else name}-{camera:02d}.png") as image:
+        return np.array(image.convert("RGB").crop((left, 0, left + SIZE[0], HEIGHT)))
 
 
 def main() -> None:
@@ -126,8 +125,7 @@ def main() -> None:
     found = figures(tokyo(given.work, given.data, PRESETS[0]), PRESETS, given.work, given.pictures)
     print(json.dumps(found, indent=1))
     if given.pictures:
-        for camera in range(4):
-            Image.fromarray(panel(given.pictures, camera)).save(given.pictures / f"panel-{camera}.png")
+        Image.fromarray(panel(given.pictures, 3)).save(given.pictures / "panel.png")
 
 
 if __name__ == "__main__":
