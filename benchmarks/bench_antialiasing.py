@@ -78,7 +78,7 @@ def figures(grove: Grove, work: Path, pictures: Path | None = None) -> dict[str,
     worlds = {samples: _baked(grove, scene, work, samples) for samples in BAKED}
     found: dict[str, Any] = {}
     for up in grove.levels:
-        case = _case(grove, scene, worlds[DEFAULT], up, work)
+        case = seen_from(grove, scene, worlds[DEFAULT], up, work)
         prefix = pictures and pictures / f"{2**up}r"
         rows = {"geometry": _summaries({k: list(_geometry(case, k, prefix)) for k in DRAWN})}
         if up:
@@ -118,8 +118,8 @@ def _summaries(rows: dict[int, list[dict[str, float]]]) -> dict[str, dict[str, f
     return {f"{k} x {k}": {name: mean[name] for name in kept if name in mean} for k, mean in means.items()}
 
 
-def _case(grove: Grove, scene: Path, world: World, up: int, work: Path) -> Case:
-    """Cameras whose nearest trees are 2^up r away, a sixth of that above their tops' half."""
+def seen_from(grove: Grove, scene: Path, world: World, up: int, work: Path) -> Case:
+    """The grove, its nearest trees 2^up r away from cameras that look down on it by some ten degrees."""
     radius = grove.leaf_size * grove.size[0] / (2 * grove.resolution * math.tan(math.radians(30)))
     away = 0.5 * grove.side + 1.05 * 2**up * radius
     cameras = []

@@ -1,12 +1,12 @@
-"""How many directions a world needs, and how many of a cell a viewer draws (OV Figure 5): a city with narrow streets.
+"""How many directions a world needs, and how many of a cell a viewer draws (OV Figure 5): narrow streets, and trees.
 
     farfield bench directions [--quick] [--json]
     python benchmarks/bench_directions.py [--work DIR] [--data DIR] [--pictures DIR]      leaves the pictures as well
 
 The square kilometre of Tokyo of bench_quality.py at half its size (256 px, pictures of 320 x 240, every third of its
-cameras, all from r on), baked with each preset of directions and two layers. Of each world 2, 3 and 5 directions of a
-cell are drawn, and the tiles that the index picks: covered PSNR and FLIP against the geometry, megabytes of the tiles
-in a picture, and beside them the bytes of all tiles and of the world.
+cameras) and the grove of bench_antialiasing.py, from r on, baked with each preset of directions and two layers. Of each
+world 2, 3 and 5 directions of a cell are drawn, and the tiles that the index picks: covered PSNR and FLIP against the
+geometry, bytes of the tiles in a picture, and beside them the bytes of all tiles and of the world.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ import shapely
 from numpy.typing import NDArray
 from PIL import Image
 
+from bench_antialiasing import Grove, seen_from, write_scene
 from bench_quality import DATA, FOLDER, LEAF_SIZE, WORK, Case, baked, compared, summary
 from farfield.bake.options import BakeOptions
 from farfield.geometry.cameras import Camera
@@ -45,15 +46,25 @@ EVERY = 3
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """Preset -> bytes, and what is drawn -> figures; quick: a few blocks of houses, two presets, one small picture."""
+    """Scene -> preset -> bytes, and what is drawn -> figures; quick: a few houses, two presets, one small picture."""
     with tempfile.TemporaryDirectory(prefix="farfield-directions-") as name:
+        work = Path(name)
         if quick:
-            return figures(blocks(Path(name), "5"), ("5", "9"), Path(name))
-        return figures(tokyo(Path(name), DATA, PRESETS[0]), PRESETS, Path(name))
+            return {"blocks": figures(blocks(work, "5"), ("5", "9"), work)}
+        return both_scenes(work, DATA)
+
+
+def both_scenes(work: Path, data: Path, pictures: Path | None = None) -> dict[str, Any]:
+    """See `run`. pictures: folder for SCENE/PRESET/DRAWN-CAMERA.png."""
+    cases = {"tokyo": tokyo(work / "tokyo", data, PRESETS[0]), "grove": grove(work / "grove", PRESETS[0])}
+    return {
+        name: figures(case, PRESETS, work / name, None if pictures is None else pictures / name)
+        for name, case in cases.items()
+    }
 
 
 def figures(case: Case, presets: tuple[str, ...], work: Path, pictures: Path | None = None) -> dict[str, Any]:
-    """See `run`. case: with the world of the first preset; pictures: folder for PRESET/DRAWN-CAMERA.png."""
+    """Of one scene. case: with the world of the first preset; pictures: folder for PRESET/DRAWN-CAMERA.png."""
     found: dict[str, Any] = {}
     for preset in presets:
         grid = case.world.grid
@@ -77,6 +88,12 @@ def tokyo(work: Path, data: Path, preset: str) -> Case:
     scene = make("tokyo", data, work / "scenes")
     cameras = tuple(frame.camera for frame in read_path(FOLDER / "cameras/tokyo.json").frames[::EVERY])
     return Case(scene, _baked(scene, work, preset, LEAF_SIZE["tokyo"], 256), cameras, 0, work / "truth", SIZE)
+
+
+def grove(work: Path, preset: str) -> Case:
+    """The trees, from both cameras."""
+    kind, scene = Grove(), write_scene(Grove(), work)
+    return seen_from(kind, scene, _baked(scene, work, preset, kind.leaf_size, kind.resolution), 0, work)
 
 
 def blocks(work: Path, preset: str) -> Case:
@@ -122,10 +139,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--pictures", type=Path, help="where to leave pictures side by side")
     given = parser.parse_args()
-    found = figures(tokyo(given.work, given.data, PRESETS[0]), PRESETS, given.work, given.pictures)
-    print(json.dumps(found, indent=1))
+    print(json.dumps(both_scenes(given.work, given.data, given.pictures), indent=1))
     if given.pictures:
-        Image.fromarray(panel(given.pictures, 3)).save(given.pictures / "panel.png")
+        Image.fromarray(panel(given.pictures / "tokyo", 3)).save(given.pictures / "panel.png")
 
 
 if __name__ == "__main__":
