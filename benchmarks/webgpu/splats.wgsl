@@ -44,7 +44,7 @@ struct Splat {
 @group(0) @binding(3) var<storage, read> words: array<u32>;    // core/orthoview/decode.ts: first words of all pixels, second, third
 @group(0) @binding(4) var<storage, read_write> depths: array<atomic<u32>>; // bits of near / d, which order as the floats do
 @group(0) @binding(5) var<storage, read_write> colors: array<u32>; // sRGB, alpha: how squarely the sun shines on it
-@group(0) @binding(6) var<storage, read_write> list: array<vec2u>; // pixel and tile of splats that were nearest once: no others are at the end
+@group(0) @binding(6) var<storage, read_write> list: array<vec2u>; // pixel and tile of what was nearest once: nothing else is at the end
 @group(0) @binding(7) var<storage, read_write> listed: array<atomic<u32>, 4>; // workgroups for them (3), and how many they are
 @group(0) @binding(8) var<storage, read> tiles: array<Tile>;
 

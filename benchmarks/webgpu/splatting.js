@@ -163,7 +163,9 @@ class ComputePath {
     let first = 0;
     for (const tile of this.drawn) {
       tile.first = first;
-      for (let n = 0; n < WORDS; n++) device.queue.writeBuffer(this.words, 4 * (n * pixels + first), tile.words.filter((_, at) => at % WORDS === n));
+      for (let n = 0; n < WORDS; n++) {
+        device.queue.writeBuffer(this.words, 4 * (n * pixels + first), tile.words.filter((_, at) => at % WORDS === n));
+      }
       first += tile.words.length / WORDS;
     }
     const runs = this.drawn.flatMap((tile) => tile.runs);
