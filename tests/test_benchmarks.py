@@ -15,7 +15,7 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-ALONE = ("mesh_levels", "page", "steady")
+ALONE = ("mesh_levels", "page", "steady", "webgpu")
 IN_A_BROWSER = ("bandwidth", "culling", "flight", "frames", "growth", "light", *ALONE)
 
 
@@ -55,6 +55,17 @@ def test_mesh_levels_in_small() -> None:
         assert limits["8000000"]["complete"] == 1, viewer
         assert limits["8000000"]["primitives"] > 100, viewer
         assert limits["8000000"]["psnr_covered"] > 15, viewer
+
+
+@pytest.mark.browser
+def test_webgpu_in_small() -> None:
+    """Both ways draw the same picture."""
+    found = _in_a_process("webgpu")
+    if "skipped" in found:
+        pytest.skip(found["skipped"])
+    for figures in found.values():
+        assert figures["splats"] > 10_000
+        assert figures["psnr"]["listed"] >= 40
 
 
 def _in_a_process(name: str) -> dict[str, Any]:

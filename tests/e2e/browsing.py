@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -129,10 +129,10 @@ def system_chromium() -> str | None:
 
 
 @contextmanager
-def opened_browser() -> Iterator[Browser]:
-    """A Chromium that draws in software."""
+def opened_browser(flags: Sequence[str] = ()) -> Iterator[Browser]:
+    """A Chromium that draws in software; `flags` are more of them."""
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=system_chromium(), args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=system_chromium(), args=[*FLAGS, *flags])
         yield browser
         browser.close()
 
