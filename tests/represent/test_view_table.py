@@ -7,7 +7,7 @@ import pytest
 
 from bake.scenes import quad_mesh
 from farfield.geometry.directions import PRINCIPAL, TOP, Direction, parse
-from farfield.kernels.coverage import BEST, discount_hidden, greedy_cover
+from farfield.kernels.coverage import BEST, LOOSE, discount_hidden, greedy_cover
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.materials import MaterialTable
@@ -135,6 +135,7 @@ def test_a_tile_that_costs_much_comes_later(town: dict[int, list[OrthoLayer]]) -
 def test_greedy_equals_plain_twin(seed: int, least: float) -> None:
     r = np.random.default_rng(seed)
     quality = np.where(r.random((7, 432)) < 0.3, 0, r.integers(1, BEST + 1, (7, 432))).astype(np.uint8)
+    quality |= np.where(r.random((7, 432)) < 0.4, LOOSE, 0).astype(np.uint8)
     cost = r.integers(1000, 20000, 7).astype(np.float64)
     found, gains = np.empty(5, np.int64), np.empty(5, np.int64)
     count = greedy_cover(quality, cost, least, found, gains)
@@ -148,6 +149,7 @@ def test_discount_equals_plain_twin() -> None:
     nearest = r.uniform(10, 12, (7, 432)).astype(np.float32)
     nearest[r.random(nearest.shape) < 0.3] = 1e30
     quality = np.where(nearest < 1e30, r.integers(1, BEST + 1, nearest.shape), 0).astype(np.uint8)
+    quality |= np.where(r.random(nearest.shape) < 0.4, LOOSE, 0).astype(np.uint8)
     expected = discounted(nearest, quality, 0.5, 0.6)
     discount_hidden(nearest, quality, np.float32(0.5), np.float32(0.6))
     np.testing.assert_array_equal(quality, expected)

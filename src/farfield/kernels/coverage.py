@@ -17,8 +17,12 @@ from farfield.kernels.splat import STEEPEST
 
 _F0, _F1, _HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 _NOTHING = np.float32(1e30)
-BEST = 250
+BEST = 120
 """Quality of a surface that is seen as well as it can be."""
+LOOSE = 128
+"""Added to the quality of what fills its place by chance only: of several such, each fills a share of what those before
+it leave. Counted as full, as what is connected is, a canopy's first tile was held to hide all else: 2 dB in a forest
+two levels up, or 20 % of the bytes."""
 _BEST = np.float32(BEST)
 _STEEPEST = np.float32(STEEPEST)
 _U8_2 = types.Array(types.uint8, 2, "C", readonly=True)
@@ -86,7 +90,8 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, eye, nearest,
     samples: (n, 8) float32, see sample_layer. starts: (tiles + 1,) int64, rows of each tile. towards: (tiles, 3) unit
     vectors to the canonical cameras. camera: (4, 3) float32, rows eye (metres from the middle), right, down, forward.
     focal: picture pixels that one metre at one metre covers. spacing: metres between samples. eye: which picture.
-    nearest: (tiles, eyes, p, p) float32 metres along the view axis, 1e30 = nothing; quality: the same uint8, 0..BEST.
+    nearest: (tiles, eyes, p, p) float32 metres along the view axis, 1e30 = nothing; quality: the same uint8, 0..BEST,
+    with LOOSE.
     """
     tiles, _, size, _ = nearest.shape
     middle = np.float32(size) * _HALF
@@ -109,7 +114,11 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, eye, nearest,
             x = middle - (camera[1, 0] * ex + camera[1, 1] * ey + camera[1, 2] * ez) * scale
             y = middle - (camera[2, 0] * ex + camera[2, 1] * ey + camera[2, 2] * ez) * scale
             away = math.sqrt(ex * ex + ey * ey + ez * ez)
-            worth = np.uint8(_BEST * _worth(samples[k], towards[tile], ex / away, ey / away, ez / away) + _HALF)
+            shown = _BEST * _worth(samples[k], towards[tile], ex / away, ey / away, ez / away)
+            if samples[k, 7] > _F0:
+                worth = np.uint8(shown + _HALF)
+            else:
+                worth = np.uint8(shown * samples[k, 6] + _HALF) | np.uint8(LOOSE)
             reach = max(_HALF, _HALF * spacing * scale)
             left, right = max(0, math.floor(x - reach + _HALF)), min(size, math.floor(x + reach + _HALF))
             top, bottom = max(0, math.floor(y - reach + _HALF)), min(size, math.floor(y + reach + _HALF))
@@ -135,7 +144,17 @@ def discount_hidden(nearest, quality, tolerance, behind):  # type: ignore[no-unt
             front = min(front, nearest[tile, at])
         for tile in range(tiles):
             if nearest[tile, at] > front + tolerance:
-                quality[tile, at] = np.uint8(np.float32(quality[tile, at]) * behind)
+                kept = quality[tile, at] & np.uint8(LOOSE)
+                quality[tile, at] = np.uint8(np.float32(quality[tile, at] & np.uint8(LOOSE - 1)) * behind) | kept
+
+
+@device
+def _added(quality, best):  # type: ignore[no-untyped-def]
+    """What a quality adds to the best so far."""
+    value = np.int32(quality & np.uint8(LOOSE - 1))
+    if quality & np.uint8(LOOSE):
+        return value * (BEST - best) // BEST
+    return max(np.int32(0), value - best)
 
 
 @kernel(
@@ -146,25 +165,28 @@ def discount_hidden(nearest, quality, tolerance, behind):  # type: ignore[no-unt
 def greedy_cover(quality, cost, least, chosen, gains):  # type: ignore[no-untyped-def]
     """Chooses one after the other, each the one that adds most for what it costs; returns how many.
 
-    quality: (things, m) uint8. cost: (things,) float64. least: gain per cost from which a thing is worth taking; the
-    first is taken if it adds anything. chosen: (k,) int64, written; gains: (k,) int64, written: what each adds, a sum
-    of qualities. Ties go to the earlier thing.
+    quality: (things, m) uint8, 0..BEST, with LOOSE. cost: (things,) float64. least: gain per cost from which a thing
+    is worth taking; the first is taken if it adds anything. chosen: (k,) int64, written; gains: (k,) int64, written:
+    what each adds, a sum of qualities. Ties go to the earlier thing.
     """
     things, pixels = quality.shape
     best = np.zeros(pixels, np.uint8)
     for place in range(chosen.size):
         most, won, winner = 0.0, 0, -1
         for thing in range(things):
+            # What is loose leaves room for itself, but is there once.
+            if np.any(chosen[:place] == thing):
+                continue
             gain = 0
             for at in range(pixels):
-                gain += np.int32(max(quality[thing, at], best[at])) - np.int32(best[at])
+                gain += _added(quality[thing, at], np.int32(best[at]))
             if gain > most * cost[thing]:
                 most, won, winner = gain / cost[thing], gain, thing
         if winner < 0 or (place > 0 and most < least):
             return place
         chosen[place], gains[place] = winner, won
         for at in range(pixels):
-            best[at] = max(best[at], quality[winner, at])
+            best[at] += np.uint8(_added(quality[winner, at], np.int32(best[at])))
     return chosen.size
 
 

@@ -3,7 +3,7 @@
 The nearest directions by angle miss whole surfaces: in a city the three nearest of the sides and the top lose the
 ground. A greedy cover of what is seen from a bin gains 1.4 to 3 dB over them at the same number of views. Choosing
 single tiles (a direction's first layer, its second) by what they add a byte, in place of a number of directions, gives
-the same picture for 25 to 30 % fewer bytes.
+the same picture for 20 to 30 % fewer bytes near the leaves and in cities.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def choose_views(
             draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), eye, nearest, quality)
         pixels = quality.reshape(len(of_tile), -1)
         discount_hidden(nearest.reshape(pixels.shape), pixels, np.float32(TOLERANCE * spacing), np.float32(BEHIND))
-        of_views = np.maximum.reduceat(pixels, first, axis=0)
+        of_views = _turned(np.maximum.reduceat(_turned(pixels, 1), first, axis=0), 7)
         order = [view for view, _ in _cover(of_views, np.ones(len(views)), 0.0, MOST_VIEWS)]
         tiles = _cover(pixels, cost, least, MOST_PICKS)
         if not order:
@@ -118,6 +118,11 @@ def choose_views(
         )
 
     return ViewTable(*zip(*each(best, PRINCIPAL), strict=True))
+
+
+def _turned(quality: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """Bits turned to the left: by one, LOOSE comes last, so that of two qualities the higher is the greater."""
+    return ((quality << np.uint8(bits)) | (quality >> np.uint8(8 - bits))).astype(np.uint8)
 
 
 def _cover(quality: NDArray[np.uint8], cost: NDArray[np.float64], least: float, most: int) -> list[tuple[int, int]]:
