@@ -46,13 +46,17 @@ FRAMES = 3
 """A round."""
 STEPS = 16
 PLAIN: dict[str, Any] = {"views": 3, "layers": 2, "culling": "none", "fade": 0, "supersampling": 2, "shadows": False}
+PLAIN |= {"patches": False}
 PICKS = PLAIN | {"views": None, "leastGain": 10}
-CULLED = PICKS | {"culling": "all"}
+SPLATS = PICKS | {"culling": "all"}
+CULLED = SPLATS | {"patches": True}
 SETTINGS: dict[str, dict[str, Any]] = {
     "plain": PLAIN,
     "plain, culled": PLAIN | {"culling": "all"},
     "picks": PICKS,
     "picks, culled by frustum": PICKS | {"culling": "frustum"},
+    "picks, culled, no patches": SPLATS,
+    "3 views, culled": PLAIN | {"culling": "all", "patches": True},
     "picks, culled": CULLED,
     "picks of 20 pixels a kB, culled": CULLED | {"leastGain": 20},
     "picks, culled, fading": CULLED | {"fade": 0.5},

@@ -124,7 +124,7 @@ def _visit(browser: Browser, url: str, eye: Triple, target: Triple, samples: int
         page.page.add_init_script(path=FOLDER / "record.js")
         page.page.goto(url)
         page.page.wait_for_function("window.farfield !== undefined")
-        page.options(supersampling=samples, nearRadius=0, frameMs=0)
+        page.options(supersampling=samples, nearRadius=0, frameMs=0, patches=False)
         page.look(eye, target, FOV)
         yield page
     finally:

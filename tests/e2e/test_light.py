@@ -33,8 +33,8 @@ def test_sky_and_haze_are_those_of_the_reference_renderer(
     near_radius: float,
 ) -> None:
     page = visit(address)
-    page.options(supersampling=2, nearRadius=near_radius, sky="clear", haze=haze, light={"azimuth": azimuth})
-    page.options(light={"elevation": elevation})
+    page.options(patches=False, supersampling=2, nearRadius=near_radius, sky="clear", haze=haze)
+    page.options(light={"azimuth": azimuth, "elevation": elevation})
     page.look(LOW_EYE, LOW_TARGET)
     light = Light(azimuth=azimuth, elevation=elevation, sky="clear", haze=haze)
     camera, options = (

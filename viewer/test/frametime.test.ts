@@ -41,6 +41,17 @@ const changes = (levels: readonly number[]): number => levels.filter((level, n) 
 const median = (list: readonly number[]): number => [...list].sort((a, b) => a - b)[list.length >> 1]!;
 const SLOW_CARD: Card = { splats: 150, pixels: 60, fixed: 8 };
 
+it("what is wanted whole is not drawn as less right after", () => {
+  const control = new FrameTimeControl(40);
+  control.moved(0);
+  control.measured(400, 0);
+  expect(control.reduction(10)).toBeGreaterThan(0);
+  control.rests();
+  expect(control.reduction(20)).toBe(0);
+  control.moved(30);
+  expect(control.reduction(30)).toBeGreaterThan(0);
+});
+
 describe("frame time", () => {
   it.each([0, 1, 3])("comes near the target within a dozen frames and stays, told %s frames late", (lag) => {
     const { times, levels } = fly(new FrameTimeControl(40), () => SLOW_CARD, { lag });

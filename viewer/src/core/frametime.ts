@@ -35,6 +35,11 @@ export class FrameTimeControl {
     this.lastMove = now;
   }
 
+  /** Everything is wanted: what has moved counts as at rest, until it moves again. */
+  rests(): void {
+    this.lastMove = -Infinity;
+  }
+
   /** Whether frames are of a moving picture. */
   moving(now: number): boolean {
     return this.targetMs > 0 && now - this.lastMove < REST_MS;

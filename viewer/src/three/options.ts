@@ -3,6 +3,8 @@ import { DEFAULT_LIGHT, DEFAULT_SKY, type Light } from "./light.js";
 
 /** How a world is shown. All may be changed at any time; none makes anything be fetched again that is still held. */
 export interface WorldOptions {
+  /** Whether pixels of a picture that lie in a plane are drawn as one. */
+  readonly patches: boolean;
   /** Samples a side for each pixel, 1 to 4. */
   readonly supersampling: number;
   /** Directions drawn a cell; null: the tiles that the index picks, down to `leastGain`. */
@@ -55,6 +57,7 @@ const DESKTOP_CACHE = 768 << 20;
 export function defaultOptions(): WorldOptions {
   const memory = (globalThis.navigator as { deviceMemory?: number } | undefined)?.deviceMemory ?? 8;
   return {
+    patches: true,
     supersampling: 2,
     views: null,
     leastGain: 10,

@@ -1,18 +1,27 @@
-import { BufferGeometry, GLBufferAttribute, Sphere, type WebGLRenderer } from "three";
+import {
+  BufferGeometry, DataTexture, GLBufferAttribute, RGIntegerFormat, Sphere, UnsignedIntType, type WebGLRenderer,
+} from "three";
 import type { CullableTile } from "../core/culling.js";
 import type { Grid } from "../core/grid.js";
 import type { Direction } from "../core/manifest.js";
 import { BOX, type Blocks } from "../core/orthoview/blocks.js";
 import { WORDS, type DecodedTile } from "../core/orthoview/decode.js";
+import { TEXEL_WORDS } from "../core/orthoview/patches.js";
 import { along, type Lattice } from "../core/projection.js";
 import type { Vector3 } from "../core/vector.js";
 
-const BYTES_A_PIXEL = WORDS * 4;
+const BYTES_A_POINT = WORDS * 4;
+const BYTES_A_TEXEL = TEXEL_WORDS * 4;
+/** Texels in a row of the texture of a tile's patches; as splat.frag.glsl has it. */
+const TEXTURE_WIDTH = 2048;
 const BYTES_A_BLOCK = 48;
 
 /** One layer of an orthoview on the graphics card. */
 export class OrthoviewTile implements CullableTile {
   readonly geometry = new BufferGeometry();
+  /** Pixels of its patches. */
+  readonly texels: DataTexture;
+  /** Points. */
   readonly count: number;
   /** Lattice column and row of its first pixel. */
   readonly first: readonly [number, number];
@@ -38,6 +47,8 @@ export class OrthoviewTile implements CullableTile {
     gl.bufferData(gl.ARRAY_BUFFER, tile.pixels, gl.STATIC_DRAW);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.geometry.setAttribute("position", new GLBufferAttribute(this.buffer, gl.UNSIGNED_INT, WORDS, 4, tile.count) as never);
+    this.texels = textureOf(tile.texels);
+    renderer.initTexture(this.texels);
     // three.js sorts by it, and cannot compute it from a buffer that it does not know.
     this.geometry.boundingSphere = new Sphere();
   }
@@ -51,13 +62,27 @@ export class OrthoviewTile implements CullableTile {
 
   dispose(renderer: WebGLRenderer): void {
     this.geometry.dispose();
+    this.texels.dispose();
     renderer.getContext().deleteBuffer(this.buffer);
   }
 }
 
 /** Bytes that a decoded tile takes on the graphics card, and its blocks beside it. */
 export function tileBytes(tile: DecodedTile): number {
-  return tile.count * BYTES_A_PIXEL + tile.blocks.count * BYTES_A_BLOCK;
+  return tile.count * BYTES_A_POINT + (tile.texels.length / TEXEL_WORDS) * BYTES_A_TEXEL + tile.blocks.count * BYTES_A_BLOCK;
+}
+
+function textureOf(texels: Uint32Array): DataTexture {
+  const rows = Math.max(1, Math.ceil(texels.length / TEXEL_WORDS / TEXTURE_WIDTH));
+  const width = rows > 1 ? TEXTURE_WIDTH : Math.max(1, texels.length / TEXEL_WORDS);
+  const whole = new Uint32Array(rows * width * TEXEL_WORDS);
+  whole.set(texels);
+  const texture = new DataTexture(whole, width, rows, RGIntegerFormat, UnsignedIntType);
+  texture.internalFormat = "RG32UI";
+  texture.needsUpdate = true;
+  // On the card from then on.
+  texture.onUpdate = () => void ((texture.image as { data: unknown }).data = null);
+  return texture;
 }
 
 function latticeOf(tile: DecodedTile, { axes }: Direction, grid: Grid): Lattice {

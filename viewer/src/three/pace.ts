@@ -41,7 +41,9 @@ export class Pace {
 
   /** Decides for the next frame, `all` for all that is asked for; returns whether anything is different. */
   advance(now: number, all: boolean): boolean {
-    const reduction = all ? 0 : this.control.reduction(now);
+    // Or the whole picture would be followed by a lesser one and then by itself again.
+    if (all) this.control.rests();
+    const reduction = this.control.reduction(now);
     if (reduction > 0) {
       clearTimeout(this.rest);
       this.rest = setTimeout(this.rested, REST_MS);

@@ -15,6 +15,8 @@ export interface PreparerParts {
   readonly shelf: TextureShelf;
   /** The renderer that draws; asked for when something is uploaded. */
   readonly renderer: () => WebGLRenderer;
+  /** Whether pixels in a plane are joined. */
+  readonly patches: () => boolean;
   /** Told before a model of near geometry goes. */
   readonly forget: (model: NearModel) => void;
 }
@@ -41,7 +43,7 @@ export class ThreePreparer implements Preparer {
   }
 
   private async orthoview(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
-    const tile = await this.parts.pool.decode("orthoview", bytes, resource.key, signal);
+    const tile = await this.parts.pool.decode(this.parts.patches() ? "orthoview" : "splats", bytes, resource.key, signal);
     const { manifest, renderer } = this.parts;
     const direction = manifest.directions.get(tile.direction);
     if (!direction || tile.level !== resource.cell?.level) throw corrupt("the tile belongs to another cell", resource.key);

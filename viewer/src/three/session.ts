@@ -98,7 +98,7 @@ export class Session {
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget });
+    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget, patches: () => options().patches });
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
   }

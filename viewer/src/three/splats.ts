@@ -14,6 +14,7 @@ import type { OrthoviewTile } from "./orthoviewtile.js";
 import { relativeTo, type Viewpoint } from "./viewpoint.js";
 import holesText from "./shaders/holes.glsl";
 import lightText from "./shaders/light.glsl";
+import normalText from "./shaders/normal.glsl";
 import fragmentText from "./shaders/splat.frag.glsl";
 import vertexText from "./shaders/splat.vert.glsl";
 
@@ -65,14 +66,15 @@ export class Splats {
     this.material = new RawShaderMaterial({
       name: "farfield splats",
       glslVersion: GLSL3,
-      vertexShader: [PRECISION, lightText, holesText, vertexText].join("\n"),
-      fragmentShader: [PRECISION, fragmentText].join("\n"),
+      vertexShader: [PRECISION, lightText, holesText, normalText, vertexText].join("\n"),
+      fragmentShader: [PRECISION, lightText, holesText, normalText, fragmentText].join("\n"),
       depthFunc: GreaterDepth,
       blending: NoBlending,
       uniforms: {
         ...light,
         origin: { value: new Vector3() },
         pitch: { value: 1 },
+        texels: { value: null as DataTexture | null },
         lattice: { value: new Int32Array(2) },
         toX: { value: new Vector3() },
         toY: { value: new Vector3() },
@@ -157,6 +159,7 @@ export class Splats {
     set("toW", along(toW, axes));
     set("sun", along(this.sun, axes));
     uniforms["pitch"]!.value = pitch;
+    uniforms["texels"]!.value = tile.texels;
     (uniforms["lattice"]!.value as Int32Array).set(tile.first);
     uniforms["holeNode"]!.value = holeNode;
     if (holeNode !== 1) {

@@ -104,7 +104,10 @@ export class FarfieldWorld extends Object3D {
   }
 
   setOptions(changes: OptionChanges): void {
+    const { patches } = this.options;
     this.options = withChanges(this.options, changes);
+    // Tiles have been joined already, or not.
+    if (this.options.patches !== patches) this.session?.lost();
     this.applyOptions();
   }
 

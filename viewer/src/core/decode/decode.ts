@@ -1,11 +1,13 @@
 import { decodeTile } from "../orthoview/decode.js";
+import { joinPatches } from "../orthoview/patches.js";
 import { decodeColor, decodeImage } from "./color.js";
 import { maskedLevels } from "./levels.js";
 import type { Decoded, DecodeRequest } from "./messages.js";
 
 /** Decodes what a request asks for, here. Rejects with `corrupt`. */
 export async function decode({ kind, bytes, where }: Pick<DecodeRequest, "kind" | "bytes" | "where">): Promise<Decoded[keyof Decoded]> {
-  if (kind === "orthoview") return decodeTile(bytes, where, decodeColor);
+  if (kind === "orthoview") return joinPatches(await decodeTile(bytes, where, decodeColor));
+  if (kind === "splats") return decodeTile(bytes, where, decodeColor);
   const { data, width, height } = await decodeImage(bytes, where);
   return maskedLevels(data, width, height);
 }
@@ -13,6 +15,6 @@ export async function decode({ kind, bytes, where }: Pick<DecodeRequest, "kind" 
 /** The buffers of what was decoded. */
 export function buffersOf(decoded: Decoded[keyof Decoded]): ArrayBuffer[] {
   if (!("pixels" in decoded)) return decoded.map(({ pixels }) => pixels.buffer as ArrayBuffer);
-  const { pixels, blocks } = decoded;
-  return [pixels, blocks.starts, blocks.boxes, blocks.cones].map(({ buffer }) => buffer as ArrayBuffer);
+  const { pixels, texels, blocks } = decoded;
+  return [pixels, texels, blocks.starts, blocks.boxes, blocks.cones].map(({ buffer }) => buffer as ArrayBuffer);
 }

@@ -5,6 +5,8 @@ import type { Level } from "./levels.js";
 /** What workers decode, by kind. */
 export interface Decoded {
   readonly orthoview: DecodedTile;
+  /** An orthoview of which no pixels are joined. */
+  readonly splats: DecodedTile;
   /** An image with holes, in all its sizes. */
   readonly cutout: readonly Level[];
 }

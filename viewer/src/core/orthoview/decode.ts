@@ -31,6 +31,8 @@ export interface DecodedTile {
    *     normal 6 + 6, coverage - 1 4, length - 1 3, connected 1, unlit 1
    */
   readonly pixels: Uint32Array;
+  /** (texels, 2) what patches look up (patches.ts); nothing of a tile as it comes. */
+  readonly texels: Uint32Array;
   readonly blocks: Blocks;
 }
 
@@ -62,6 +64,7 @@ export async function decodeTile(bytes: Uint8Array, where: string, decodeColor: 
     direction, layer, level, x, y, width, height, depthBase,
     depthRange,
     count: header.valid,
+    texels: new Uint32Array(0),
     ...orderInBlocks(interleave({ pixels, depths, a, b, coverage, flags, unlit, rgba, width }), width),
   };
 }
