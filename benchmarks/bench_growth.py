@@ -68,7 +68,7 @@ def figures(work: Path, names: Sequence[str], output: Path | None = None) -> dic
     fits = missing() is None
     for name in names:
         options = replace(objects_options(work / "statues"), count=OBJECTS[name])
-        bake = BakeOptions(LEAF_SIZE, RESOLUTION, "9", depth_layers=1, workers=1)
+        bake = BakeOptions(LEAF_SIZE, RESOLUTION, "9", depth_layers=1)
         folder = _made(work / name, options, bake)
         facts = found.setdefault(name, {})
         if "reference" not in facts:

@@ -89,12 +89,13 @@ async function openTiles() {
 async function openGeometry() {
   const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js");
   const loader = new GLTFLoader();
-  const { kinds, objects } = await (await fetch("/tiles/objects.json")).json();
   const scene = new THREE.Scene();
   let state = { pending: 1, seen: [0] };
   const load = async (kind) => (await loader.loadAsync(`/tiles/${kind}.glb`)).scene;
-  const models = Promise.all(Array.from({ length: kinds }, (_, kind) => load(kind)));
-  void models.then((found) => {
+  // Not waited for here: nothing comes before the page has been opened.
+  void (async () => {
+    const { kinds, objects } = await (await fetch("/tiles/objects.json")).json();
+    const found = await Promise.all(Array.from({ length: kinds }, (_, kind) => load(kind)));
     for (const model of found) lit(model, view);
     // glTF is y up.
     const upright = new THREE.Matrix4().makeRotationX(Math.PI / 2);
@@ -105,7 +106,7 @@ async function openGeometry() {
     }
     scene.updateMatrixWorld();
     state = { pending: 0, seen: [1] };
-  });
+  })();
   const samples = new Samples(renderer, SIZE, view.samples, SKY);
   return {
     update() {},
