@@ -10,7 +10,8 @@ waited for until a pixel of its canvas can be read; what it takes to choose what
 splats (`all`), over those that were nearest once (`listed`), or in the same pass (`at once`, which is not safe: a
 bound). It goes into the page's frame with its depth by way of memory (`frame`), as near geometry, shadows, haze and a
 scene around it need; into a texture of the page by way of a canvas, colour alone (`canvas`); or to a canvas of its own,
-which is the screen (`alone`). Quick: the town of the tests.
+which is the screen (`alone`). In all of these every pixel is a splat; the page with its patches (`webgl2, patches`) is
+measured right after. Quick: the town of the tests.
 """
 
 from __future__ import annotations
@@ -92,10 +93,12 @@ def run(quick: bool = False, rounds: int = 3) -> dict[str, Any]:
             with serving(store, ServeOptions(port=0)) as url:
                 for camera, (eye, target) in cameras.items():
                     for samples in (1,) if quick else (1, 2):
-                        with _visit(browser, url, eye, target, samples) as page:
+                        with _visit(browser, url, eye, target, samples, patches=False) as page:
                             figures = _measured(page, 1 if quick else rounds)
                         if figures is None:
                             return {"skipped": NONE}
+                        with _visit(browser, url, eye, target, samples, patches=True) as page:
+                            _add_patches(page, 1 if quick else rounds, figures)
                         case = f"{name}, {camera}, {samples} x {samples}"
                         found[case] = figures
                         print(case, figures, file=sys.stderr, flush=True)
@@ -115,7 +118,7 @@ def _worlds() -> Iterator[tuple[str, Store, dict[str, tuple[Triple, Triple]]]]:
 
 
 @contextmanager
-def _visit(browser: Browser, url: str, eye: Triple, target: Triple, samples: int) -> Iterator[Visit]:
+def _visit(browser: Browser, url: str, eye: Triple, target: Triple, samples: int, patches: bool) -> Iterator[Visit]:
     """The page with a complete picture."""
     context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
     page = Visit(context.new_page(), expect_errors=False)
@@ -124,7 +127,7 @@ def _visit(browser: Browser, url: str, eye: Triple, target: Triple, samples: int
         page.page.add_init_script(path=FOLDER / "record.js")
         page.page.goto(url)
         page.page.wait_for_function("window.farfield !== undefined")
-        page.options(supersampling=samples, nearRadius=0, frameMs=0, patches=False)
+        page.options(supersampling=samples, nearRadius=0, frameMs=0, fade=0, patches=patches)
         page.look(eye, target, FOV)
         yield page
     finally:
@@ -155,6 +158,19 @@ def _measured(page: Visit, rounds: int) -> dict[str, Any] | None:
         "times_as_fast": {way: round(median(own) / median(times[way]), 2) for way in WAYS},
         "times_as_little_work": {way: round(worked["webgl2"] / max(worked[way], 1.0), 2) for way in WAYS},
     }
+
+
+def _add_patches(page: Visit, rounds: int, figures: dict[str, Any]) -> None:
+    """Adds what the page takes with patches."""
+    page.do(BEGIN % (FOLDER / "splatting.js").read_text(), None)
+    before = processor_ms()
+    times = page.do(REPEAT % WAYS["webgl2"], rounds * FRAMES)
+    worked = processor_ms() - before
+    name, own = "webgl2, patches", figures["frame_ms"]["webgl2"]
+    figures["frame_ms"][name] = round(median(times), 1)
+    figures["processor_ms"][name] = round(worked / len(times), 1)
+    figures["times_as_fast"][name] = round(own / median(times), 2)
+    figures["times_as_little_work"][name] = round(figures["processor_ms"]["webgl2"] * len(times) / max(worked, 1.0), 2)
 
 
 def main() -> None:

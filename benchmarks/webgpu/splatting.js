@@ -6,6 +6,7 @@ const WORDS = 3;
 const TILE = 64;
 const FOOTPRINTS = [0.1995, 0.2821, 0.3455, 0.3989, 0.446, 0.4886, 0.5278, 0.5642, 0.5984, 0.6308, 0.6616, 0.691, 0.7217, 0.766, 0.8301, 1];
 
+/** shaders: null for the page's own way alone. */
 async function takeOver(shaders) {
   const { world } = farfield;
   const { update } = world;
@@ -18,7 +19,7 @@ async function takeOver(shaders) {
     page.draw();
     await page.settle();
   }
-  return { page, compute: await ComputePath.open(page, shaders) };
+  return { page, compute: shaders && (await ComputePath.open(page, shaders)) };
 }
 
 /** Mean squared differences of two pictures as a ratio in dB. */
