@@ -134,9 +134,7 @@ def _town(folder: Path) -> Way:
     store = DirectoryStore(folder / "world")
     bake(scene, store, BakeOptions(leaf_size=16.0, resolution=64, directions="9", workers=1))
     options = OPTIONS | {"nearRadius": 20}
-    journey = Journey(
-        store, (-30.0, -30.0, 12.0), 8.0, 45.0, seconds=1.0, options=options, size=(320, 240), frame=FRAME
-    )
+    journey = Journey(store, (-30.0, -30.0, 12.0), 8.0, 45.0, seconds=1.0, options=options, size=SIZE, frame=FRAME)
     return Way(scene, journey, folder / "truths", samples=4)
 
 

@@ -14,7 +14,8 @@ export class FadeClock {
 
   /**
    * Weight of the picture that is shown at a time, milliseconds; the rest is for what is shown until then. fresh: it is another one.
-   * seconds: until nothing is left of what was shown before; 0: at once. Where one picture follows the other, each share falls by an exponential law; of one that stays, nothing else is left in the end.
+   * seconds: until nothing is left of what was shown before; 0: at once. Where one picture follows the other, each share falls by an
+   * exponential law; of one that stays, nothing else is left in the end.
    */
   weight(now: number, fresh: boolean, seconds: number): number {
     if (fresh) this.changedAt = now;

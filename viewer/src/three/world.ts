@@ -303,7 +303,8 @@ export class FarfieldWorld extends Object3D {
 
   /** Fulfils what waits for a complete picture, if the one drawn last is. */
   private settle(session: Session): void {
-    const settled = !this.planDirty && !this.arrived && !this.drawDirty && this.pace.reduction === 0 && !this.frame.isFading && !this.generations?.busy;
+    const drawn = !this.planDirty && !this.arrived && !this.drawDirty && this.pace.reduction === 0;
+    const settled = drawn && !this.frame.isFading && !this.generations?.busy;
     if (this.waiting.length === 0 || !settled || !session.complete) return;
     for (const resolve of this.waiting.splice(0)) resolve();
   }

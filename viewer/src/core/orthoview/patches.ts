@@ -4,7 +4,7 @@ import { WORDS } from "./words.js";
 
 /** Pixels along a side of a patch, largest first. Larger ones save few points more, and up close would be wider than cards draw points. */
 const EDGES = [8, 4, 2] as const;
-/** Bits of column and row within a block (blocks.ts): patches do not reach beyond one. */
+/** Pixels along a side of a block (blocks.ts): patches do not reach beyond one. */
 const SIDE = 32;
 /** Depth codes, eighths of a pitch, that pixels of a patch lie off its plane at most. */
 export const OFF_PLANE = 2;
@@ -77,7 +77,7 @@ class Square {
     }
     for (let k = start * WORDS; k < end * WORDS; k += WORDS) {
       const place = placeOf(from[k]!);
-      // What has become part of a patch is marked so; what never could be has another pixel's mark or none.
+      // Part of a patch already.
       if ((from[k + 2]! & WHOLE) === WHOLE && at[place] !== k) continue;
       for (let n = 0; n < WORDS; n++) this.to[this.points++] = from[k + n]!;
     }
