@@ -30,7 +30,7 @@ from farfield.store.contract import Store
 from farfield.store.opening import open_store
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser
+from e2e.browsing import opened_browser, visiting
 
 Triple = tuple[float, float, float]
 LEAF = 64.0
@@ -172,15 +172,7 @@ def _paths(sizes: Sizes, height: float, length: float) -> Iterator[list[Triple]]
 
 def _flown(browser: Browser, store: Store, eyes: list[Triple]) -> list[float]:
     """Bytes received at each of the eyes, from an empty cache on."""
-    with serving(store, ServeOptions(port=0)) as url:
-        context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
-        page = Visit(context.new_page(), expect_errors=False)
-        try:
-            page.page.set_default_timeout(600_000)
-            page.page.goto(url)
-            page.page.wait_for_function("window.farfield !== undefined && !!farfield.world.manifest")
-            page.options(**OPTIONS)
-            received: list[float] = page.do(FLY, eyes)
-            return received
-        finally:
-            page.leave()
+    with serving(store, ServeOptions(port=0)) as url, visiting(browser, url, SIZE) as page:
+        page.options(**OPTIONS)
+        received: list[float] = page.do(FLY, eyes)
+        return received

@@ -15,8 +15,6 @@ from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -33,7 +31,7 @@ from farfield.store.directory import DirectoryStore
 from farfield.store.opening import open_store
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser
+from e2e.browsing import Visit, opened_browser, visiting
 from e2e.world import town
 
 Triple = tuple[float, float, float]
@@ -161,23 +159,10 @@ def _courses() -> dict[str, Course]:
 
 
 def _measured(browser: Browser, course: Course, repeats: int) -> dict[str, Any]:
-    with serving(course.store, ServeOptions(port=0)) as url, _visit(browser, url) as page:
+    with serving(course.store, ServeOptions(port=0)) as url, visiting(browser, url, SIZE) as page:
         page.options(supersampling=1, nearRadius=course.near_radius)
         facts = {name: _still(page, eye, target, repeats) for name, (eye, target) in course.cameras.items()}
         return facts | {"flight": _flight(page, course)}
-
-
-@contextmanager
-def _visit(browser: Browser, url: str) -> Iterator[Visit]:
-    context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
-    page = Visit(context.new_page(), expect_errors=False)
-    try:
-        page.page.set_default_timeout(600_000)
-        page.page.goto(url)
-        page.page.wait_for_function("window.farfield !== undefined")
-        yield page
-    finally:
-        page.leave()
 
 
 def _still(page: Visit, eye: Triple, target: Triple, repeats: int) -> dict[str, Any]:

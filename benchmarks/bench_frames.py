@@ -18,8 +18,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -36,7 +35,7 @@ from farfield.serve.run import ServeOptions, serving
 from flights import percentile
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser
+from e2e.browsing import Visit, opened_browser, visiting
 
 SKY = (158, 191, 235)
 CAMERAS = (0, 4, 8)
@@ -128,7 +127,8 @@ def measured(
     rows: dict[str, list[dict[str, float]]] = {name: [] for name in settings}
     times: dict[str, list[float]] = {name: [] for name in settings}
     moving: list[dict[str, float]] = []
-    with serving(case.world.store, ServeOptions(port=0)) as url, _visit(browser, url, case.size) as page:
+    with serving(case.world.store, ServeOptions(port=0)) as url, visiting(browser, url, case.size) as page:
+        page.do("farfield.hideInterface()")
         for number in cameras:
             camera = case.cameras[number]
             page.options(farOnly=True, frameMs=0, nearRadius=case.near_radius(camera), cacheBytes=3 << 30)
@@ -173,20 +173,6 @@ def _moving(page: Visit, camera: Camera, frame_ms: float) -> list[dict[str, floa
     found = page.do(MOVING, {"cameras": cameras, "frameMs": frame_ms})[STEPS // 2 :]
     page.do("bench.give()")
     return [row | {"share_of_time": row["frame"] / frame_ms} for row in found]
-
-
-@contextmanager
-def _visit(browser: Browser, url: str, size: tuple[int, int]) -> Iterator[Visit]:
-    context = browser.new_context(viewport={"width": size[0], "height": size[1]})
-    page = Visit(context.new_page(), expect_errors=False)
-    try:
-        page.page.set_default_timeout(600_000)
-        page.page.goto(url)
-        page.page.wait_for_function("window.farfield !== undefined")
-        page.do("farfield.hideInterface()")
-        yield page
-    finally:
-        page.leave()
 
 
 def _picture(page: Visit) -> NDArray[np.uint8]:

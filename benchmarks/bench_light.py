@@ -47,7 +47,7 @@ from farfield.view.truth import TruthOptions, draw_truth
 from farfield.world.index import CellEntry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser
+from e2e.browsing import opened_browser, visiting
 
 Pixels = NDArray[np.uint8]
 SIDES = {"front": 180.0, "side": 90.0, "back": 0.0}
@@ -246,12 +246,11 @@ def page_seam(case: Case, camera: Camera, pictures: Path | None = None) -> dict[
     options = RenderOptions(supersampling=1, near_radius=radius)
     ring = shown_between(render_world(case.world, camera, case.size, options), camera, case.world.grid, radius)
     found = {}
-    with opened_browser() as browser, serving(case.world.store, ServeOptions(port=0)) as url:
-        width, height = case.size
-        page = Visit(browser.new_context(viewport={"width": width, "height": height}).new_page(), expect_errors=False)
-        page.page.set_default_timeout(600_000)
-        page.page.goto(url)
-        page.page.wait_for_function("window.farfield !== undefined")
+    with (
+        opened_browser() as browser,
+        serving(case.world.store, ServeOptions(port=0)) as url,
+        visiting(browser, url, case.size) as page,
+    ):
         page.options(supersampling=2, nearRadius=radius, light={"azimuth": lit_from(camera, "side").azimuth})
         for shadows in (False, True):
             drawn = []
@@ -263,7 +262,6 @@ def page_seam(case: Case, camera: Camera, pictures: Path | None = None) -> dict[
             found[name] = {key: round(value, 2) for key, value in differences(*drawn, ring).items()}
             if pictures is not None:
                 save_side_by_side(pictures / f"page-{case.scene.parent.name}-{name}.png", *drawn)
-        page.leave()
     return found
 
 

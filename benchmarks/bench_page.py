@@ -35,7 +35,7 @@ from farfield.view.renderer import RenderOptions, render_world
 from farfield.world.world import World
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser, psnr
+from e2e.browsing import Visit, opened_browser, psnr, visiting
 from e2e.world import town
 
 Triple = tuple[float, float, float]
@@ -99,18 +99,11 @@ def _demo() -> Course:
 @contextmanager
 def _visit(browser: Browser, url: str) -> Iterator[Visit]:
     """The page with an empty cache. Raises RuntimeError when anything was said on its console."""
-    context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
-    page = Visit(context.new_page(), expect_errors=False)
-    try:
-        page.page.set_default_timeout(120_000)
-        page.page.goto(url)
-        page.page.wait_for_function("window.farfield !== undefined")
+    with visiting(browser, url, SIZE) as page:
         page.complete()
         yield page
         # What is said while the page is closed is of connections that are given up.
         said = list(page.errors)
-    finally:
-        page.leave()
     if said:
         raise RuntimeError(f"on the console: {said[:3]}")
 

@@ -37,7 +37,7 @@ from farfield.store.directory import DirectoryStore
 from farfield.store.opening import open_store
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from e2e.browsing import Visit, opened_browser
+from e2e.browsing import Visit, opened_browser, visiting
 from e2e.world import town
 
 Triple = tuple[float, float, float]
@@ -120,18 +120,10 @@ def _worlds() -> Iterator[tuple[str, Store, dict[str, tuple[Triple, Triple]]]]:
 @contextmanager
 def _visit(browser: Browser, url: str, eye: Triple, target: Triple, samples: int, patches: bool) -> Iterator[Visit]:
     """The page with a complete picture."""
-    context = browser.new_context(viewport={"width": SIZE[0], "height": SIZE[1]})
-    page = Visit(context.new_page(), expect_errors=False)
-    try:
-        page.page.set_default_timeout(600_000)
-        page.page.add_init_script(path=FOLDER / "record.js")
-        page.page.goto(url)
-        page.page.wait_for_function("window.farfield !== undefined")
+    with visiting(browser, url, SIZE, FOLDER / "record.js") as page:
         page.options(supersampling=samples, nearRadius=0, frameMs=0, fade=0, patches=patches)
         page.look(eye, target, FOV)
         yield page
-    finally:
-        page.leave()
 
 
 def _measured(page: Visit, rounds: int) -> dict[str, Any] | None:

@@ -7,6 +7,7 @@ import re
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -135,6 +136,27 @@ def opened_browser(flags: Sequence[str] = ()) -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=system_chromium(), args=[*FLAGS, *flags])
         yield browser
         browser.close()
+
+
+@contextmanager
+def visiting(
+    browser: Browser, url: str, size: tuple[int, int] = (640, 480), script: Path | None = None
+) -> Iterator[Visit]:
+    """The viewer's page in a window of its own with an empty cache, patient with pictures that take minutes.
+
+    script: is run before the page's own.
+    """
+    page = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
+    visit = Visit(page, expect_errors=False)
+    try:
+        page.set_default_timeout(600_000)
+        if script is not None:
+            page.add_init_script(path=script)
+        page.goto(url)
+        page.wait_for_function("window.farfield !== undefined && !!farfield.world.manifest")
+        yield visit
+    finally:
+        visit.leave()
 
 
 def psnr(a: Pixels, b: Pixels) -> float:
