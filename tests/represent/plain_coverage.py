@@ -7,23 +7,28 @@ import numpy as np
 LOOSE = 128
 
 
-def greedy(quality: np.ndarray, cost: np.ndarray, least: float, most: int) -> list[tuple[int, int]]:
+def greedy(
+    quality: np.ndarray, nearest: np.ndarray, tolerance: float, cost: np.ndarray, least: float, most: int
+) -> list[tuple[int, int]]:
     """(thing, what it adds), best gain per cost first; only the first may gain less than `least`.
 
-    quality: (things, m) uint8, 0..120, with LOOSE for what fills a share of what is left.
+    quality: (things, m) uint8, 0..120, with LOOSE for what fills a share of what is left, but not of its own surface.
+    nearest: (things, m) metres; what is within `tolerance` is the same surface.
     """
     values, loose = (quality % LOOSE).astype(int), quality >= LOOSE
     chosen: list[tuple[int, int]] = []
-    best = np.zeros(quality.shape[1], int)
+    best, shown = np.zeros(quality.shape[1], int), np.zeros(quality.shape, int)
     while len(chosen) < most:
-        added = np.where(loose, values * (120 - best) // 120, np.maximum(values - best, 0))
+        share = np.maximum(values - shown, 0) * (120 - best) // 120
+        added = np.where(loose, share, np.maximum(values - best, 0))
         gains = added.sum(1)
-        gains[[thing for thing, _ in chosen]] = 0
         winner = int(np.argmax(gains / cost))
         if gains[winner] == 0 or (chosen and gains[winner] / cost[winner] < least):
             break
         chosen.append((winner, int(gains[winner])))
         best = best + added[winner]
+        same = np.abs(nearest - nearest[winner]) <= np.float32(tolerance)
+        shown = np.where(same, np.maximum(shown, values[winner]), shown)
     return chosen
 
 

@@ -136,11 +136,12 @@ def test_greedy_equals_plain_twin(seed: int, least: float) -> None:
     r = np.random.default_rng(seed)
     quality = np.where(r.random((7, 432)) < 0.3, 0, r.integers(1, BEST + 1, (7, 432))).astype(np.uint8)
     quality |= np.where(r.random((7, 432)) < 0.4, LOOSE, 0).astype(np.uint8)
+    nearest = r.uniform(10, 12, (7, 432)).astype(np.float32)
     cost = r.integers(1000, 20000, 7).astype(np.float64)
     found, gains = np.empty(5, np.int64), np.empty(5, np.int64)
-    count = greedy_cover(quality, cost, least, found, gains)
+    count = greedy_cover(quality, nearest, np.float32(0.5), cost, least, found, gains)
     pairs = list(zip(found[:count].tolist(), gains[:count].tolist(), strict=True))
-    assert pairs == greedy(quality, cost, least, 5)
+    assert pairs == greedy(quality, nearest, 0.5, cost, least, 5)
     assert 1 <= count <= 5
 
 
@@ -153,3 +154,15 @@ def test_discount_equals_plain_twin() -> None:
     expected = discounted(nearest, quality, 0.5, 0.6)
     discount_hidden(nearest, quality, np.float32(0.5), np.float32(0.6))
     np.testing.assert_array_equal(quality, expected)
+
+
+def test_above_the_leaves_both_layers_come_together(town: dict[int, list[OrthoLayer]]) -> None:
+    directions = parse("17")
+    places = [(d.number, index) for d in directions for index in range(len(town[d.number]))]
+    table = choose_views(town, dict.fromkeys(places, 5_000), directions, GRID, CellKey(1, 0, 0, 0))
+    for picks in table.picks:
+        gains: dict[int, list[float]] = {}
+        for place, gain in picks:
+            gains.setdefault(places[place][0], []).append(gain)
+        for number, of_layers in gains.items():
+            assert of_layers == [of_layers[0]] * len(town[number])

@@ -1,0 +1,65 @@
+"""What could be sent next: items, what each would take, and how well it would show which objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.stream.outlook import Outlook
+
+
+@dataclass(frozen=True, slots=True)
+class Offers:
+    """m items of one kind. An item may show several objects: a mesh that is placed many times, a cell's pictures."""
+
+    sizes: NDArray[np.int64]
+    """(m,) bytes."""
+    firsts: NDArray[np.int64]
+    """(m + 1,): uses firsts[i] to firsts[i + 1] - 1 are those of item i."""
+    objects: NDArray[np.int32]
+    """(u,) the object of each use."""
+    accuracy: NDArray[np.float32]
+    """(u, k) of each use in each interval of the outlook, 0 to 1."""
+
+    def uses(self, item: int) -> slice:
+        """Those of an item."""
+        return slice(int(self.firsts[item]), int(self.firsts[item + 1]))
+
+    @staticmethod
+    def single(sizes: NDArray[np.int64], objects: NDArray[np.int32], accuracy: NDArray[np.float32]) -> Offers:
+        """Items that show one object each."""
+        return Offers(sizes, np.arange(len(sizes) + 1), objects, accuracy)
+
+
+class Kind(Protocol):
+    """A way to show objects, as far as choosing goes: what it takes and how accurate it is.
+
+    Others plug in by the same answers; how much of an object can be seen is the same for all kinds.
+    """
+
+    def offers(self, outlook: Outlook) -> Offers:
+        """What a viewer does not hold and could be sent; numbers of items hold until the next call."""
+        ...
+
+    def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
+        """Raises best, (n, k), the accuracy of what each object is shown by, to that of what a viewer holds."""
+        ...
+
+    def take(self, item: int) -> object:
+        """An item is sent: it counts as held from now on. Returns what tells the sender what to send."""
+        ...
+
+
+def joined(offers: Sequence[Offers]) -> Offers:
+    """All of them in one list, in order."""
+    ends = np.cumsum([0, *(len(one.objects) for one in offers)])
+    return Offers(
+        np.concatenate([one.sizes for one in offers]),
+        np.concatenate([one.firsts[:-1] + end for one, end in zip(offers, ends, strict=False)] + [ends[-1:]]),
+        np.concatenate([one.objects for one in offers]),
+        np.concatenate([one.accuracy for one in offers]),
+    )

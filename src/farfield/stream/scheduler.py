@@ -1,0 +1,116 @@
+"""Which item to send to a viewer next: the one that adds most for the time it takes (BEN 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.kernels.benefit import added_benefits
+from farfield.stream.link import OVERHEAD, Link
+from farfield.stream.motion import MotionPredictor, Viewing
+from farfield.stream.offers import Kind, Offers, joined
+from farfield.stream.outlook import Outlook, look
+
+STEADY = 0.02
+"""An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2)."""
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What to send."""
+
+    kind: Kind
+    item: object
+    """As the kind tells it."""
+    size: int
+    """Bytes, or how many are expected."""
+    benefit: float
+    """What it adds, pixel seconds."""
+    seconds: float
+    """What it costs: how long the link is taken by it."""
+
+
+class Scheduler:
+    """Chooses for one viewer."""
+
+    def __init__(
+        self,
+        boxes: NDArray[np.float64],
+        kinds: Sequence[Kind],
+        far: float,
+        link: Link | None = None,
+        importance: NDArray[np.float32] | None = None,
+    ) -> None:
+        """boxes: (n, 6) local metres, lower and upper corners of all objects. far: metres to the far plane.
+
+        importance: (n,) factors of benefit; 1 without.
+        """
+        self.link = Link() if link is None else link
+        self.predictor = MotionPredictor()
+        self._boxes, self._kinds, self._far = boxes, kinds, far
+        self._importance = importance
+        self._outlook: Outlook | None = None
+        self._offers: Offers | None = None
+        self._counts: list[int] = []
+        self._open = np.zeros(0, bool)
+        self._held = self._visible = np.zeros((0, 0), np.float32)
+
+    def follow(self, viewing: Viewing, now: float) -> None:
+        """The viewer is there, now, in seconds of its clock."""
+        prediction = self.predictor.follow(viewing)
+        self._outlook = outlook = look(prediction, self._boxes, now, self._far)
+        found = [kind.offers(outlook) for kind in self._kinds]
+        self._counts = [len(one.sizes) for one in found]
+        self._offers = joined(found)
+        self._open = np.ones(len(self._offers.sizes), bool)
+        self._held = np.zeros(outlook.visible.shape, np.float32)
+        for kind in self._kinds:
+            kind.shown(outlook, self._held)
+        self._visible = outlook.visible
+        if self._importance is not None:
+            self._visible = outlook.visible * self._importance[:, None]
+
+    def next(self, now: float) -> Choice | None:
+        """What to send now, in seconds of the viewer's clock; None when nothing would add anything.
+
+        Greedy by benefit a second of the link (BEN 5).
+        """
+        offers, prediction = self._offers, self.predictor.prediction
+        if offers is None or prediction is None:
+            return None
+        items = np.flatnonzero(self._open)
+        seconds = offers.sizes[items] / self.link.bandwidth + OVERHEAD
+        before = now - prediction.viewing.time + self.link.latency + self.link.under_way / self.link.bandwidth
+        benefits = self._benefits(items, before + seconds, self._held)
+        best = int(np.argmax(benefits / seconds)) if len(items) else 0
+        if len(items) == 0 or benefits[best] <= 0:
+            return None
+        return self._chosen(offers, int(items[best]), float(benefits[best]), float(seconds[best]))
+
+    def _benefits(self, items: NDArray[np.int64], arrivals: Floats, held: NDArray[np.float32]) -> Floats:
+        """(l,) pixel seconds of items that would be there at `arrivals`, beside what is held."""
+        offers, outlook = self._offers, self._outlook
+        assert offers is not None
+        assert outlook is not None
+        found = np.zeros(len(items))
+        added_benefits(
+            items, arrivals, offers.firsts, offers.objects, offers.accuracy, held, self._visible, outlook.bounds,
+            STEADY, found,
+        )  # fmt: skip
+        return found
+
+    def _chosen(self, offers: Offers, item: int, benefit: float, seconds: float) -> Choice:
+        self._open[item] = False
+        uses = offers.uses(item)
+        shown = offers.objects[uses]
+        self._held[shown] = np.maximum(self._held[shown], offers.accuracy[uses])
+        number, kind = item, 0
+        while number >= self._counts[kind]:
+            number -= self._counts[kind]
+            kind += 1
+        chosen = self._kinds[kind]
+        return Choice(chosen, chosen.take(number), int(offers.sizes[item]), benefit, seconds)
