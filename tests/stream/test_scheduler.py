@@ -43,7 +43,7 @@ def chosen(scheduler: Scheduler, seen: Viewing, most: int = 99) -> list[Choice]:
 def test_what_is_large_in_the_picture_comes_first_and_what_is_behind_never() -> None:
     near, far, behind = (-1, 4, -1, 1, 6, 1), (2, 20, -1, 4, 22, 1), (-1, -6, -1, 1, -4, 1)
     found = chosen(scheduler([far, behind, near], [MESH] * 3, [0, 1, 2]), viewing())
-    assert [choice.item.mesh for choice in found][:2] == [2, 0]
+    assert found[0].item.mesh == 2
     assert {choice.item.mesh for choice in found} == {0, 2}
 
 
@@ -173,8 +173,8 @@ def share_of_the_best(boxes: np.ndarray, meshes: Sequence[MeshLevels], seen: Vie
 
 def test_the_greedy_order_is_nearly_the_best() -> None:
     shares = np.array([share_of_the_best(*small_case(np.random.default_rng(seed))) for seed in range(150)])
-    assert shares.mean() > 0.98
-    assert (shares < 0.9).mean() <= 0.02
+    assert shares.mean() > 0.99
+    assert (shares < 0.9).mean() <= 0.01
     assert shares.min() > 0.8
 
 

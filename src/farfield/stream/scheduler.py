@@ -16,6 +16,9 @@ from farfield.stream.outlook import Outlook, look
 
 STEADY = 0.02
 """An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2)."""
+RIVALS = 4
+"""Items, those that add most, that the best for its time is compared with. Of 600 small cases 4 are more than 10 % below
+the best order, the worst 16 %; without, 14 and 23 %."""
 Floats = NDArray[np.float64]
 
 
@@ -86,10 +89,35 @@ class Scheduler:
         seconds = offers.sizes[items] / self.link.bandwidth + OVERHEAD
         before = now - prediction.viewing.time + self.link.latency + self.link.under_way / self.link.bandwidth
         benefits = self._benefits(items, before + seconds, self._held)
-        best = int(np.argmax(benefits / seconds)) if len(items) else 0
-        if len(items) == 0 or benefits[best] <= 0:
+        if len(items) == 0:
             return None
+        best = int(np.argmax(benefits / seconds))
+        if benefits[best] <= 0:
+            return None
+        best = self._exchanged(offers, items, seconds, benefits, best, before)
         return self._chosen(offers, int(items[best]), float(benefits[best]), float(seconds[best]))
+
+    def _exchanged(
+        self, offers: Offers, items: NDArray[np.int64], seconds: Floats, benefits: Floats, best: int, before: float
+    ) -> int:
+        """The best of `items`, or one for which it can wait: for a large one that is seen for a short time only.
+
+        Of two that show different objects the first is the one with which both add more; they take as long either way.
+        """
+        rivals = np.argsort(-benefits, kind="stable")[:RIVALS]
+        for rival in rivals[benefits[rivals] > benefits[best]].tolist():
+            if self._share(offers, int(items[best]), int(items[rival])):
+                continue
+            pair = np.array([best, rival])
+            late = self._benefits(items[pair], np.full(2, before + float(seconds[pair].sum())), self._held)
+            if benefits[rival] + late[0] > benefits[best] + late[1]:
+                best = rival
+        return best
+
+    @staticmethod
+    def _share(offers: Offers, one: int, other: int) -> bool:
+        """Whether two items show a common object."""
+        return bool(np.isin(offers.objects[offers.uses(one)], offers.objects[offers.uses(other)]).any())
 
     def _benefits(self, items: NDArray[np.int64], arrivals: Floats, held: NDArray[np.float32]) -> Floats:
         """(l,) pixel seconds of items that would be there at `arrivals`, beside what is held."""
