@@ -48,6 +48,11 @@ def smooth_normals(
     return unit(np.stack(sums, -1).astype(np.float64))
 
 
+def body_normals(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """(n, 3) float32: normals of a body that is smooth everywhere."""
+    return smooth_normals(positions, triangles, face_vectors(positions, triangles)).astype(np.float32)
+
+
 def corner_angles(positions: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
     """(m, 3) float64: angle at each corner, radians."""
     corners = positions[triangles]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.cleaning import RawSurface, assemble
-from farfield.scene.model import Mesh
+from farfield.scene.model import Mesh, Texture
 from farfield.scene.procedural.noise import tiling_noise
 
 HILL = 700.0
@@ -83,6 +83,19 @@ def tile(land: Land, low: tuple[int, int], high: tuple[int, int]) -> Mesh:
     faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
     colors = _colors(land, points, land.forest[rows, columns].ravel(), np.hypot(dx, dy).ravel())
     return assemble(RawSurface(points, faces, normals=normals, colors=colors), "land")
+
+
+def painted(land: Land, low: tuple[int, int], high: tuple[int, int], texels: int) -> Texture:
+    """The colours of the land between two corners (row, column) as a square texture; row 0 lies in the south."""
+    count = len(land.height) - 1
+    steps = (np.arange(texels) + 0.5) / texels
+    rows, columns = (low[a] + steps * (high[a] - low[a]) for a in (0, 1))
+    y, x = np.meshgrid(rows * land.step, columns * land.step, indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)
+    near = np.ix_(np.clip(np.rint(rows), 0, count).astype(int), np.clip(np.rint(columns), 0, count).astype(int))
+    dy, dx = np.gradient(land.height, land.step)
+    colors = _colors(land, points, land.forest[near].ravel(), np.hypot(dx, dy)[near].ravel())
+    return Texture(colors.reshape(texels, texels, 4))
 
 
 def _field(count: int, exponent: float, lowest: int, seed: int) -> NDArray[np.float64]:
