@@ -90,3 +90,14 @@ def test_straight_up_and_still() -> None:
     assert predicted(up).movement is Movement.TURNING
     assert np.isfinite(found.visible).all()
     assert found.visible.any()
+
+
+def test_in_some_cases_the_viewer_looks_elsewhere() -> None:
+    for seen in (viewing(), viewing(turning=1.0), viewing(velocity=(0, 1, 0))):
+        sure, unsure = (look(predicted(seen), BOXES, 0.0, FAR, share) for share in (0.0, 0.1))
+        # Behind is what may be seen, too, but by less than what is ahead.
+        assert not sure.visible[2].all()
+        assert (unsure.visible[2] > 0).all()
+        assert unsure.visible[0, 0] > 5 * unsure.visible[2, 0]
+        np.testing.assert_allclose(unsure.visible[0, 0], sure.visible[0, 0], rtol=0.15)
+        np.testing.assert_array_equal(unsure.whole[sure.whole > 0], sure.whole[sure.whole > 0])

@@ -54,15 +54,40 @@ def cutoff(prediction: Prediction, now: float, far: float) -> float:
     return min(found, LONGEST)
 
 
-def look(prediction: Prediction, boxes: Floats, now: float, far: float) -> Outlook:
-    """What will be seen of boxes, (n, 6) local metres: lower and upper corners. now: seconds of the viewer's clock."""
+def look(prediction: Prediction, boxes: Floats, now: float, far: float, otherwise: float = 0.0) -> Outlook:
+    """What will be seen of boxes, (n, 6) local metres: lower and upper corners.
+
+    now: seconds of the viewer's clock. far: metres to the far plane. otherwise: share of the cases in which the viewer
+    does not do what is predicted, but looks elsewhere, anywhere round about. In the thesis there are none: then the
+    link idles when all is sent that the movement will show, and a turn shows nothing at first.
+    """
     seconds = cutoff(prediction, now, far)
     if prediction.movement is Movement.TURNING:
-        return _turning(prediction, boxes, seconds)
-    if prediction.movement is Movement.STANDING:
-        return _sampled(prediction, boxes, np.array([0.0, seconds]))
-    # What comes first counts for sure and is cut finest: bounds grow with the square of their number.
-    return _sampled(prediction, boxes, seconds * (np.arange(INTERVALS + 1) / INTERVALS) ** 2)
+        found = _turning(prediction, boxes, seconds)
+    elif prediction.movement is Movement.STANDING:
+        found = _sampled(prediction, boxes, np.array([0.0, seconds]))
+    else:
+        # What comes first counts for sure and is cut finest: bounds grow with the square of their number.
+        found = _sampled(prediction, boxes, seconds * (np.arange(INTERVALS + 1) / INTERVALS) ** 2)
+    return _mixed(prediction, boxes, found, otherwise) if otherwise > 0 else found
+
+
+def _mixed(prediction: Prediction, boxes: Floats, found: Outlook, otherwise: float) -> Outlook:
+    """The same with a share of cases in which the viewer looks to any side from where it will be."""
+    height = prediction.viewing.size[1]
+    half = _horizontal(prediction.viewing.fov, prediction.viewing.size) / 2
+    middles = (boxes[:, :3] + boxes[:, 3:]) / 2
+    radius = np.linalg.norm(boxes[:, 3:] - boxes[:, :3], axis=1) / 2
+    distance = np.linalg.norm(middles[:, None] - found.eyes[None], axis=2)
+    # As a round body of its size would look in the middle of the picture.
+    across = 2 * prediction.viewing.focal * radius[:, None] / np.maximum(distance, radius[:, None])
+    sizes = boxes[:, 3:] - boxes[:, :3]
+    share = np.hypot(sizes[:, 0], sizes[:, 1]) * sizes[:, 2] / np.maximum(4 * radius**2, 1e-12)
+    pixels = np.minimum(across**2 * share[:, None], float(height) ** 2)
+    elsewhere = (otherwise * half / np.pi * pixels).astype(np.float32)
+    whole = np.where(found.whole > 0, found.whole, pixels).astype(np.float32)
+    tall = np.where(found.height > 0, found.height, across * (sizes[:, 2] / (2 * radius))[:, None]).astype(np.float32)
+    return Outlook(found.bounds, found.eyes, found.forwards, (1 - otherwise) * found.visible + elsewhere, whole, tall)
 
 
 def _sampled(prediction: Prediction, boxes: Floats, bounds: Floats) -> Outlook:
