@@ -14,10 +14,11 @@ from farfield.stream.outlook import Outlook
 Floats = NDArray[np.float64]
 ROWS = (12, 24, 48, 96, 192)
 """Heights of images, pixels."""
-HEADER = 180
+HEADER = 55
 """Bytes of an image beside its pixels."""
-BYTES_A_PIXEL = 0.35
-"""Of an image with alpha, compressed."""
+BYTES_A_SIDE = 11.0
+"""Of an image for each pixel of its side, the geometric mean of both: statues as WebP of quality 20 take 165, 265, 480,
+940, 1,930 bytes with 12 to 192 rows, far less than in proportion to their pixels."""
 SHARP = 1.5
 """Times as high as the object will be on the screen, at most: finer ones are not offered."""
 
@@ -93,4 +94,4 @@ class Impostors:
 
 def estimated_bytes(rows: int, aspect: Floats) -> NDArray[np.int64]:
     """Of images so high, and `aspect` times as wide: what they take is known when they have been made only (BEN 4)."""
-    return np.asarray(np.rint(HEADER + BYTES_A_PIXEL * rows * np.maximum(rows * aspect, 1.0)), np.int64)
+    return np.asarray(np.rint(HEADER + BYTES_A_SIDE * rows * np.sqrt(np.maximum(aspect, 1 / rows))), np.int64)

@@ -26,8 +26,8 @@ PEDESTAL = 1.0
 STOPS = ((0.0, 2.0), (23.0, 28.0), (32.0, 39.0))
 """Seconds in which the walk stands still; the thesis' walk stands in the last two."""
 SECONDS = 40.0
-WAY = ((-0.3, -0.42), (-0.3, 0.0), (0.0, 0.04), (0.15, 0.2))
-"""Corners of the walk, in sides of the garden from its middle: 4 m/s."""
+WAY = ((-0.12, -0.2), (-0.12, 0.0), (0.03, 0.02), (0.08, 0.1))
+"""Corners of the walk, in sides of the garden from its middle: 2 m/s."""
 CLEAR = 1.5
 """Metres from the walk to the middle of any statue, at least."""
 
