@@ -86,9 +86,12 @@ def tile(land: Land, low: tuple[int, int], high: tuple[int, int]) -> Mesh:
 
 
 def painted(land: Land, low: tuple[int, int], high: tuple[int, int], texels: int) -> Texture:
-    """The colours of the land between two corners (row, column) as a square texture; row 0 lies in the south."""
+    """The colours of the land between two corners (row, column) as a square texture; row 0 lies in the south.
+
+    The middles of the outer texels lie on the edges, so that neighbours have the same there.
+    """
     count = len(land.height) - 1
-    steps = (np.arange(texels) + 0.5) / texels
+    steps = np.arange(texels) / (texels - 1)
     rows, columns = (low[a] + steps * (high[a] - low[a]) for a in (0, 1))
     y, x = np.meshgrid(rows * land.step, columns * land.step, indexing="ij")
     points = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)

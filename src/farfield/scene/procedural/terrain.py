@@ -87,7 +87,7 @@ def _tiles(directory: Path, land: Land) -> Iterator[str]:
             low, high = (row * count, column * count), ((row + 1) * count, (column + 1) * count)
             mesh = tile(land, low, high)
             corner = np.array([low[1], low[0]]) * land.step
-            uvs = (mesh.positions[:, :2] - corner) / (count * land.step)
+            uvs = ((mesh.positions[:, :2] - corner) / (count * land.step) * (TEXELS - 1) + 0.5) / TEXELS
             texture = painted(land, low, high, TEXELS)
             ground = replace(mesh.materials[0], name="land", texture=texture, base_color=(1.0, 1.0, 1.0, 1.0))
             mesh = replace(mesh, uvs=uvs.astype(np.float32), colors=None, materials=(ground,))
