@@ -45,68 +45,93 @@ class Levels:
 
     def __init__(self, meshes: Sequence[MeshLevels], mesh_of: NDArray[np.int32]) -> None:
         """mesh_of: (n,) the mesh of each object, NONE for objects without."""
-        self._meshes = meshes
-        self._mesh_of = mesh_of
         self.held = np.full(len(meshes), NONE)
         """Finest level of each mesh that the viewer has."""
         self.held_texture = np.full(len(meshes), NONE)
-        self._items: list[SentLevel] = []
-        used = mesh_of >= 0
-        self._objects = np.flatnonzero(used)[np.argsort(mesh_of[used], kind="stable")].astype(np.int32)
-        self._firsts = np.searchsorted(mesh_of[self._objects], np.arange(len(meshes) + 1))
+        """The same of its texture."""
+        self._mesh_of = mesh_of
+        used = np.flatnonzero(mesh_of >= 0)
+        self._objects = used[np.argsort(mesh_of[used], kind="stable")].astype(np.int32)
+        self._faces = _padded([mesh.faces for mesh in meshes])
+        self._full = np.array([mesh.faces[-1] for mesh in meshes], np.float64)
+        self._texels = _padded([mesh.texels for mesh in meshes])
+        self._textured = np.array([len(mesh.texels) > 0 for mesh in meshes], bool)
+        self._rows = _Rows.of(meshes)
+        self._items = np.zeros(0, np.int64)
 
     def offers(self, outlook: Outlook) -> Offers:
         """Finer levels of meshes, and of textures of meshes that are there, of which something will be visible."""
         seen = np.asarray(outlook.visible.any(axis=1))
-        self._items = []
-        sizes: list[int] = []
-        firsts, objects, accuracy = [0], [], []
-        for number, mesh in enumerate(self._meshes):
-            own = self._objects[self._firsts[number] : self._firsts[number + 1]]
-            own = own[seen[own]]
-            if len(own) == 0:
-                continue
-            whole = outlook.whole[own]
-            level, texture = int(self.held[number]), int(self.held_texture[number])
-            wanted = [(SentLevel(number, n), mesh.sizes[n]) for n in range(level + 1, len(mesh.sizes))]
-            if level >= 0:
-                finer = range(texture + 1, len(mesh.texture_sizes))
-                wanted += [(SentLevel(number, n, is_texture=True), mesh.texture_sizes[n]) for n in finer]
-            for item, size in wanted:
-                self._items.append(item)
-                sizes.append(size)
-                objects.append(own)
-                if item.is_texture:
-                    accuracy.append(_accuracy(mesh, level, item.level, whole))
-                else:
-                    accuracy.append(_accuracy(mesh, item.level, texture, whole))
-                firsts.append(firsts[-1] + len(own))
-        intervals = outlook.visible.shape[1]
-        return Offers(
-            np.array(sizes, np.int64),
-            np.array(firsts, np.int64),
-            np.concatenate([np.zeros(0, np.int32), *objects]),
-            np.concatenate([np.zeros((0, intervals), np.float32), *accuracy]),
-        )
+        own = self._objects[seen[self._objects]]
+        count = np.bincount(self._mesh_of[own], minlength=len(self.held))
+        rows = self._rows
+        held = np.where(rows.is_texture, self.held_texture[rows.mesh], self.held[rows.mesh])
+        there = ~rows.is_texture | (self.held[rows.mesh] >= 0)
+        self._items = np.flatnonzero((rows.level > held) & there & (count[rows.mesh] > 0))
+        mesh, level, is_texture = rows.mesh[self._items], rows.level[self._items], rows.is_texture[self._items]
+        # Uses of an item are the objects of its mesh, which follow each other in `own`.
+        firsts = np.concatenate([[0], np.cumsum(count[mesh])])
+        begin = (np.cumsum(count) - count)[mesh] - firsts[:-1]
+        use = np.repeat(np.arange(len(mesh)), count[mesh])
+        objects = own[np.arange(firsts[-1]) + begin[use]]
+        shown = np.where(is_texture, self.held[mesh], level)
+        texture = np.where(is_texture, level, self.held_texture[mesh])
+        accuracy = self._accuracy(mesh[use], shown[use], texture[use], outlook.whole[objects])
+        return Offers(rows.size[self._items], firsts, objects, accuracy)
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
         """Of every object whose mesh is there."""
-        for number in map(int, np.flatnonzero(self.held >= 0)):
-            own = self._objects[self._firsts[number] : self._firsts[number + 1]]
-            mesh, level, texture = self._meshes[number], int(self.held[number]), int(self.held_texture[number])
-            best[own] = np.maximum(best[own], _accuracy(mesh, level, texture, outlook.whole[own]))
+        own = self._objects[self.held[self._mesh_of[self._objects]] >= 0]
+        mesh = self._mesh_of[own].astype(np.int64)
+        found = self._accuracy(mesh, self.held[mesh], self.held_texture[mesh], outlook.whole[own])
+        best[own] = np.maximum(best[own], found)
 
     def take(self, item: int) -> SentLevel:
         """What to send."""
-        found = self._items[item]
+        row, rows = self._items[item], self._rows
+        found = SentLevel(int(rows.mesh[row]), int(rows.level[row]), bool(rows.is_texture[row]))
         held = self.held_texture if found.is_texture else self.held
         held[found.mesh] = max(held[found.mesh], found.level)
         return found
 
+    def _accuracy(
+        self, mesh: NDArray[np.int64], level: NDArray[np.int64], texture: NDArray[np.int64], whole: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """(m, k) of levels of meshes with levels of their textures, where they take `whole`, (m, k), pixels."""
+        found = level_accuracy(whole, self._faces[mesh, level, None], self._full[mesh, None])
+        textured = self._textured[mesh]
+        if textured.any():
+            sharp = np.maximum(texture_accuracy(self._texels[mesh, texture, None], whole), BARE)
+            sharp = np.where((texture == NONE)[:, None], BARE, sharp)
+            found = np.where(textured[:, None], compound_accuracy(found, sharp), found)
+        return found.astype(np.float32)
 
-def _accuracy(mesh: MeshLevels, level: int, texture: int, whole: NDArray[np.float32]) -> NDArray[np.float32]:
-    found = level_accuracy(whole, mesh.faces[level], mesh.faces[-1])
-    if mesh.texels:
-        sharp = BARE if texture == NONE else np.maximum(texture_accuracy(mesh.texels[texture], whole), BARE)
-        found = compound_accuracy(found, sharp)
-    return found.astype(np.float32)
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Everything that may be sent, one row each."""
+
+    mesh: NDArray[np.int64]
+    level: NDArray[np.int64]
+    is_texture: NDArray[np.bool_]
+    size: NDArray[np.int64]
+    """Bytes."""
+
+    @staticmethod
+    def of(meshes: Sequence[MeshLevels]) -> _Rows:
+        rows = [
+            (number, level, is_texture, size)
+            for number, mesh in enumerate(meshes)
+            for is_texture, sizes in ((False, mesh.sizes), (True, mesh.texture_sizes))
+            for level, size in enumerate(sizes)
+        ]
+        columns = np.array(rows, np.int64).reshape(-1, 4).T.copy()
+        return _Rows(columns[0], columns[1], columns[2].astype(bool), columns[3])
+
+
+def _padded(rows: Sequence[Sequence[int]]) -> NDArray[np.float64]:
+    """(m, most) of rows of different lengths, 1 behind their ends."""
+    found = np.ones((len(rows), max(map(len, rows), default=1) or 1))
+    for n, row in enumerate(rows):
+        found[n, : len(row)] = row
+    return found
