@@ -68,7 +68,10 @@ class Visit:
         """Keys of tiles and geometry, in the order asked for, alone or in batches."""
         page.on("console", self._heard)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.on("request", self._asked)
+        self.given_up: list[str] = []
+        """Those of them whose requests were given up before they were answered."""
+        page.on("request", lambda request: self.fetched.extend(keys_of(request)))
+        page.on("requestfailed", lambda request: self.given_up.extend(keys_of(request)))
 
     def do(self, script: str, argument: object = None) -> Any:
         """What a script, an expression or a function of `argument`, gives in the page."""
@@ -116,11 +119,13 @@ class Visit:
         if message.type in ("error", "warning"):
             self.errors.append(message.text)
 
-    def _asked(self, request: Request) -> None:
-        if "/batch?" in request.url:
-            self.fetched += [part.removeprefix("key=") for part in request.url.split("?")[1].split("&")]
-        elif found := _TILE.search(request.url):
-            self.fetched.append(found[0])
+
+def keys_of(request: Request) -> list[str]:
+    """Keys of tiles and geometry that are asked for, alone or in a batch."""
+    if "/batch?" in request.url:
+        return [part.removeprefix("key=") for part in request.url.split("?")[1].split("&")]
+    found = _TILE.search(request.url)
+    return [found[0]] if found else []
 
 
 def system_chromium() -> str | None:

@@ -131,4 +131,4 @@ def test_make_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main([*arguments, "--side", "3"]) == 2
     assert "make: --side has no meaning for objects (leave it out)" in capsys.readouterr().err
     assert main(["make", "moon", "-o", str(tmp_path / "b")]) == 2
-    assert "there is no scene 'moon' to make (one of objects, landscape)" in capsys.readouterr().err
+    assert "there is no scene 'moon' to make (one of objects, landscape, garden, terrain)" in capsys.readouterr().err
