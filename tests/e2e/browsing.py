@@ -68,10 +68,7 @@ class Visit:
         """Keys of tiles and geometry, in the order asked for, alone or in batches."""
         page.on("console", self._heard)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.given_up: list[str] = []
-        """Those of them whose requests were given up before they were answered."""
         page.on("request", lambda request: self.fetched.extend(keys_of(request)))
-        page.on("requestfailed", lambda request: self.given_up.extend(keys_of(request)))
 
     def do(self, script: str, argument: object = None) -> Any:
         """What a script, an expression or a function of `argument`, gives in the page."""

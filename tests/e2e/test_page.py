@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
@@ -161,14 +160,23 @@ def test_a_budget_that_does_not_hold_the_picture_makes_it_coarser(address: str, 
 
 
 def test_what_is_held_is_not_fetched_again(address: str, visit: Callable[..., Visit]) -> None:
+    """What was given up on its way may be asked for again."""
     page = visit(address)
     page.options(nearRadius=20)
+    page.do("""() => {
+      const asked = window.fetch;
+      window.again = [];
+      window.fetch = (url, init) => {
+        const {pathname, searchParams} = new URL(url);
+        const keys = pathname.endsWith("/batch") ? searchParams.getAll("key") : [pathname.slice(1)];
+        window.again.push(...keys.filter((key) => farfield.world.holds(key)));
+        return asked(url, init);
+      };
+    }""")
     for eye, target in [*CAMERAS, *CAMERAS]:
         page.look(eye, target)
-    # What is under way and no longer wanted is given up, and may be asked for again.
-    received = Counter(page.fetched) - Counter(page.given_up)
-    assert len(received) > 50
-    assert set(received.values()) == {1}
+    assert len(set(page.fetched)) > 50
+    assert page.do("again") == []
 
 
 LOW: list[tuple[Triple, Triple]] = [((-34.0, -30.0, 1.5), (0.0, 0.0, 2.0)), ((30.0, 2.0, 1.5), (-10.0, 8.0, 2.0))]
@@ -202,6 +210,12 @@ def test_what_was_left_out_by_mistake_is_drawn_at_once(address: str, visit: Call
     page = visit(address)
     page.options(nearRadius=0, shadows=False, fade=0)
     page.look(*CAMERAS[0])
+    # What is fetched ahead is drawn when it comes, which would count as a frame.
+    page.page.wait_for_function("""async () => {
+      const {frames} = farfield.stats();
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+      return farfield.stats().frames === frames;
+    }""")
     right, frames = page.picture(), page.stats()["frames"]
     drawn = page.do("""() => {
       // As if a wall had stood right before the eye.
