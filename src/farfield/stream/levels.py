@@ -13,7 +13,7 @@ from farfield.stream.offers import Offers
 from farfield.stream.outlook import Outlook
 
 BARE = 0.3
-"""Accuracy of a texture that is not there: the mesh has its mean colour, which comes with it."""
+"""Accuracy of a texture that is not there, by guess: the mesh has its mean colour, which comes with it."""
 NONE = -1
 
 

@@ -12,7 +12,7 @@ from farfield.stream.motion import Movement, Prediction
 
 Floats = NDArray[np.float64]
 INTERVALS = 8
-"""Parts of the time that is looked ahead while moving; 16 change 1 % of the choices."""
+"""Parts of the time that is looked ahead while turning or moving."""
 LEAST_STAY = 1.0
 """Seconds that who has just come to stand is expected to stay."""
 LONGEST = 120.0

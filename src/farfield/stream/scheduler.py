@@ -17,8 +17,8 @@ from farfield.stream.outlook import Outlook, look
 STEADY = 0.02
 """An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2)."""
 OTHERWISE = 0.1
-"""Share of the cases in which a viewer does something else than it is expected to. In the garden at 100 kB/s the mean
-quality is .9997 with it, .981 without; 0.05 and 0.2 give the same."""
+"""Share of the cases in which a viewer does something else than it is expected to. In a simulated walk
+through the garden at 4 m/s and 100 kB/s the mean quality is 1.00 with 0.05 and 0.2, .98 with none."""
 RIVALS = 4
 """Items, those that add most, that the best for its time is compared with. Of 600 small cases 2 are over 10 % below
 the best order, the worst 12 %; without, 14 and 23 %."""

@@ -6,7 +6,7 @@ ground. A greedy cover of what is seen from a bin gains 1.4 to 3 dB over them at
 At the leaves single tiles are chosen (a direction's first layer, its second) by what they add a byte, in place of a
 number of directions: the same picture for 10 to 15 % fewer bytes. Above, both layers of a direction come together:
 there the second is no longer what the first hides, but part of the same surfaces, which compositing has divided. Single
-tiles lost 1 dB in a forest two levels up and 0.5 at statues. They are chosen by what they add for the root of their
+tiles lost 0.5 dB in a forest two levels up and 0.9 at statues. They are chosen by what they add for the root of their
 bytes: by bytes small ones came first, which see a cell from its ends (0.5 dB at statues two levels up).
 """
 
