@@ -167,9 +167,9 @@ def greedy_cover(quality, nearest, tolerance, cost, least, chosen, gains):  # ty
 
     quality: (things, m) uint8, 0..BEST, with LOOSE. nearest: (things, m) float32 metres to what each shows; tolerance:
     metres between two that show the same surface: the rim of a body that each view has half full is not filled by
-    showing it twice (0.6 dB at statues, -0.3 in a city and a forest, from r on). cost: (things,) float64. least: gain per cost from
-    which a thing is worth taking; the first is taken if it adds anything. chosen: (k,) int64, written; gains: (k,)
-    int64, written: what each adds, a sum of qualities. Ties go to the earlier thing.
+    showing it twice (0.6 dB at statues, -0.3 in a city and a forest, from r on). cost: (things,) float64. least: gain
+    per cost from which a thing is worth taking; the first is taken if it adds anything. chosen: (k,) int64, written;
+    gains: (k,) int64, written: what each adds, a sum of qualities. Ties go to the earlier thing.
     """
     things, pixels = quality.shape
     best = np.zeros(pixels, np.uint8)
