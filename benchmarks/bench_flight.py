@@ -148,7 +148,7 @@ def plot(curves: dict[str, dict[str, dict[str, list[float]]]], picture: Path) ->
 def main() -> None:
     """Flies over the scenes named, saves their curves and plots them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenes", nargs="*", choices=list(SCENES), default=[])
+    parser.add_argument("scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--save", type=Path)
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)

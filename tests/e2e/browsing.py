@@ -29,13 +29,22 @@ FLAGS = [
 """Software WebGL2 (Mesa llvmpipe through EGL); the same on machines with and without a graphics card."""
 
 FLIGHT = """async ({seconds, middle, radius, height}) => {
-  const begun = performance.now(), first = farfield.stats(), again = [], asked = window.fetch;
+  const begun = performance.now(), first = farfield.stats(), again = [], asked = window.fetch, underWay = new Set();
   let most = 0;
   window.fetch = (url, init) => {
     const {pathname, searchParams} = new URL(url);
     const keys = pathname.endsWith("/batch") ? searchParams.getAll("key") : [pathname.slice(1)];
-    again.push(...keys.filter((key) => farfield.world.holds(key)));
-    return asked(url, init);
+    again.push(...keys.filter((key) => farfield.world.holds(key) || underWay.has(key)));
+    keys.forEach((key) => underWay.add(key));
+    const over = () => keys.forEach((key) => underWay.delete(key));
+    init?.signal?.addEventListener("abort", over);
+    return asked(url, init).then((response) => {
+      response.clone().arrayBuffer().then(over, over);
+      return response;
+    }, (error) => {
+      over();
+      throw error;
+    });
   };
   const [x, y, z] = middle;
   for (let t = 0; t < seconds; t = (performance.now() - begun) / 1000) {
@@ -51,7 +60,7 @@ FLIGHT = """async ({seconds, middle, radius, height}) => {
   return {most, again, frames: last.frames - first.frames, fetched: last.bytes - first.bytes, last};
 }"""
 """A round about `middle` that comes near and goes away, up and down, looking at it. What it gives: the most bytes held
-at once, keys that were asked for while they were held, frames drawn, bytes received, and the page's last figures."""
+at once, keys that were asked for while they were held or on their way, frames drawn, bytes received, and the page's last figures."""
 
 Pixels = NDArray[np.uint8]
 _TILE = re.compile(r"(?:orthoview|geometry|mesh)/[0-9a-f/-]+$")

@@ -221,7 +221,8 @@ def test_without_events_what_is_missing_leads_to_the_newer_generation(
 ) -> None:
     """As on a plain server of files: nobody tells, and old tiles are gone when the eye comes to them."""
     with serving(copy, ServeOptions(port=0)) as url:
-        page = visit(url, script="delete window.EventSource")
+        # A tile asked for alone that is gone: the browser itself says so on the console.
+        page = visit(url, script="delete window.EventSource", expect_errors=True)
         page.options(nearRadius=0, supersampling=1)
         page.look((-400.0, -400.0, 300.0), TARGET)
         bake(moved_house(), copy, OPTIONS)
@@ -234,3 +235,4 @@ def test_without_events_what_is_missing_leads_to_the_newer_generation(
         bake(town(), copy, OPTIONS)
         assert page.do("farfield.world.refresh()") is True
         complete(page, 3)
+        assert [error for error in page.errors if "404 (Not Found)" not in error] == []
