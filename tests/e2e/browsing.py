@@ -60,7 +60,8 @@ FLIGHT = """async ({seconds, middle, radius, height}) => {
   return {most, again, frames: last.frames - first.frames, fetched: last.bytes - first.bytes, last};
 }"""
 """A round about `middle` that comes near and goes away, up and down, looking at it. What it gives: the most bytes held
-at once, keys that were asked for while they were held or on their way, frames drawn, bytes received, and the page's last figures."""
+at once, keys that were asked for while they were held or on their way, frames drawn,
+bytes received, and the page's last figures."""
 
 Pixels = NDArray[np.uint8]
 _TILE = re.compile(r"(?:orthoview|geometry|mesh)/[0-9a-f/-]+$")

@@ -8,6 +8,7 @@ import pytest
 from farfield.stream.accuracy import impostor_accuracy
 from farfield.stream.impostors import ROWS, SHARP, Impostors, SentImpostor, estimated_bytes
 from farfield.stream.link import Link
+from farfield.stream.offers import FixedObjects
 from farfield.stream.outlook import look
 from farfield.stream.scheduler import Scheduler
 from stream.test_motion import predicted, viewing
@@ -58,7 +59,7 @@ def test_finer_ones_cost_more() -> None:
 
 
 def test_the_scheduler_takes_them_with_others() -> None:
-    one = Scheduler(BOXES, [Impostors(BOXES)], FAR, Link(2_000, 0.0))
+    one = Scheduler(FixedObjects(BOXES), [Impostors(BOXES)], FAR, Link(2_000, 0.0))
     one.follow(viewing(), 0.0)
     choice = one.next(0.0)
     assert choice is not None

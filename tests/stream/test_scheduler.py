@@ -14,6 +14,7 @@ from farfield.stream.accuracy import level_accuracy
 from farfield.stream.levels import NONE, Levels, MeshLevels, SentLevel
 from farfield.stream.link import OVERHEAD, Link
 from farfield.stream.motion import Viewing
+from farfield.stream.offers import FixedObjects
 from farfield.stream.outlook import look
 from farfield.stream.scheduler import OTHERWISE, Choice, Scheduler
 from stream.test_motion import predicted, viewing
@@ -24,7 +25,9 @@ MESH = MeshLevels(faces=(50, 500, 5000), sizes=(1_000, 10_000, 100_000))
 
 def scheduler(boxes: Sequence[Sequence[float]], meshes: Sequence[MeshLevels], mesh_of: Sequence[int]) -> Scheduler:
     levels = Levels(meshes, np.array(mesh_of, np.int32))
-    return Scheduler(np.array(boxes, float).reshape(-1, 6), [levels], FAR, Link(bandwidth=10_000, latency=0.0))
+    return Scheduler(
+        FixedObjects(np.array(boxes, float).reshape(-1, 6)), [levels], FAR, Link(bandwidth=10_000, latency=0.0)
+    )
 
 
 def chosen(scheduler: Scheduler, seen: Viewing, most: int = 99) -> list[Choice]:
@@ -95,7 +98,7 @@ def test_textures_come_in_between() -> None:
 def test_importance_and_small_changes() -> None:
     boxes = np.array([(-3, 10, -1, -1, 12, 1), (1, 10, -1, 3, 12, 1)], float)
     levels = Levels([MESH] * 2, np.array([0, 1], np.int32))
-    dear = Scheduler(boxes, [levels], FAR, Link(10_000, 0.0), np.array([1.0, 2.0], np.float32))
+    dear = Scheduler(FixedObjects(boxes), [levels], FAR, Link(10_000, 0.0), np.array([1.0, 2.0], np.float32))
     assert chosen(dear, viewing(), most=1)[0].item.mesh == 1
     # A finer level that is hardly to be told from the one that is there stays away.
     alike = MeshLevels((5000, 5100), (1_000, 1_000))
@@ -153,7 +156,7 @@ def small_case(r: np.random.Generator) -> tuple[np.ndarray, list[MeshLevels], Vi
 def share_of_the_best(boxes: np.ndarray, meshes: Sequence[MeshLevels], seen: Viewing) -> float:
     """What the greedy order gives, of what the best of all orders does."""
     link = Link(10_000, 0.0)
-    one = Scheduler(boxes, [Levels(meshes, np.arange(len(meshes), dtype=np.int32))], FAR, link)
+    one = Scheduler(FixedObjects(boxes), [Levels(meshes, np.arange(len(meshes), dtype=np.int32))], FAR, link)
     one.follow(seen, 0.0)
     now, greedy = 0.0, []
     while choice := one.next(now):

@@ -12,6 +12,11 @@ Floats = NDArray[np.float64]
 FULL_ANGLE = np.radians(60.0)
 """Impostors seen at this angle to their plane or more squarely are as good as seen head on."""
 
+PICTURE = 0.95
+"""Of pictures whose pixels are no wider than the screen's."""
+BLUR = 0.1
+"""By which pictures twice as coarse are worse."""
+
 
 def level_accuracy(area: ArrayLike, faces: ArrayLike, all_faces: ArrayLike) -> Floats:
     """Of a level of detail, by the sizes of its faces and of the full model's on the screen (BEN 4.1).
@@ -45,6 +50,16 @@ def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         share = np.asarray(texels, dtype=np.float64) / np.asarray(area, dtype=np.float64)
     return np.asarray(np.sqrt(np.minimum(1.0, share)))
+
+
+def picture_accuracy(pitch: ArrayLike) -> Floats:
+    """Of a cell's pictures against its geometry, by how wide their pixels are on the screen; no part of the thesis.
+
+    pitch: pixels of the screen from one pixel of a picture to the next. By a fit to pictures drawn coarser and coarser
+    of three scenes (docs/performance.md, Streaming).
+    """
+    blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
+    return np.asarray(PICTURE / (1 + BLUR * blur))
 
 
 def compound_accuracy(geometry: ArrayLike, texture: ArrayLike) -> Floats:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.stream.motion import Prediction
 from farfield.stream.outlook import Outlook
 
 
@@ -29,10 +30,47 @@ class Offers:
         """Those of an item."""
         return slice(int(self.firsts[item]), int(self.firsts[item + 1]))
 
+    def only(self, items: NDArray[np.int64]) -> Offers:
+        """Some of the items, ascending, with their uses."""
+        counts = np.diff(self.firsts)
+        chosen = np.zeros(len(counts), bool)
+        chosen[items] = True
+        uses = np.repeat(chosen, counts)
+        firsts = np.concatenate([[0], np.cumsum(counts[items])])
+        return Offers(self.sizes[items], firsts, self.objects[uses], self.accuracy[uses])
+
+    @staticmethod
+    def none(intervals: int) -> Offers:
+        """No items."""
+        return Offers.single(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, intervals), np.float32))
+
     @staticmethod
     def single(sizes: NDArray[np.int64], objects: NDArray[np.int32], accuracy: NDArray[np.float32]) -> Offers:
         """Items that show one object each."""
         return Offers(sizes, np.arange(len(sizes) + 1), objects, accuracy)
+
+
+class Objects(Protocol):
+    """What there is to be seen."""
+
+    def boxes(self, prediction: Prediction, seconds: float) -> NDArray[np.float64]:
+        """(n, 6) local metres, lower and upper corners. Numbers of objects hold until the next call.
+
+        seconds: for which the prediction is believed.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FixedObjects:
+    """Objects that stay the same."""
+
+    places: NDArray[np.float64]
+    """(n, 6) local metres, lower and upper corners."""
+
+    def boxes(self, prediction: Prediction, seconds: float) -> NDArray[np.float64]:
+        """See Objects."""
+        return self.places
 
 
 class Kind(Protocol):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,8 @@ class Outlook:
     """(n, k) pixels of the whole rectangle; while turning of the object in the middle of the picture."""
     height: NDArray[np.float32]
     """(n, k) of the whole rectangle, pixels; the same."""
+    focal: float
+    """Pixels of one unit at distance one."""
 
 
 def cutoff(prediction: Prediction, now: float, far: float) -> float:
@@ -87,7 +89,8 @@ def _mixed(prediction: Prediction, boxes: Floats, found: Outlook, otherwise: flo
     elsewhere = (otherwise * half / np.pi * pixels).astype(np.float32)
     whole = np.where(found.whole > 0, found.whole, pixels).astype(np.float32)
     tall = np.where(found.height > 0, found.height, across * (sizes[:, 2] / (2 * radius))[:, None]).astype(np.float32)
-    return Outlook(found.bounds, found.eyes, found.forwards, (1 - otherwise) * found.visible + elsewhere, whole, tall)
+    visible = (1 - otherwise) * found.visible + elsewhere
+    return replace(found, visible=visible, whole=whole, height=tall)
 
 
 def _sampled(prediction: Prediction, boxes: Floats, bounds: Floats) -> Outlook:
@@ -95,7 +98,7 @@ def _sampled(prediction: Prediction, boxes: Floats, bounds: Floats) -> Outlook:
     eyes, forwards = prediction.eyes(middles), prediction.forwards(middles)
     seen = _seen(prediction, boxes, eyes, forwards)
     visible, whole, height = (np.ascontiguousarray(seen[..., n]) for n in range(3))
-    return Outlook(bounds, eyes, forwards, visible, whole, height)
+    return Outlook(bounds, eyes, forwards, visible, whole, height, prediction.viewing.focal)
 
 
 def _turning(prediction: Prediction, boxes: Floats, seconds: float) -> Outlook:
@@ -133,6 +136,7 @@ def _turning(prediction: Prediction, boxes: Floats, seconds: float) -> Outlook:
         (whole[:, None] * share).astype(np.float32),
         np.broadcast_to(seen[:, :1, 1], shape),
         np.broadcast_to(seen[:, :1, 2], shape),
+        viewing.focal,
     )
 
 

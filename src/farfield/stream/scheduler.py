@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from farfield.kernels.benefit import added_benefits
 from farfield.stream.link import OVERHEAD, Link
 from farfield.stream.motion import MotionPredictor, Viewing
-from farfield.stream.offers import Kind, Offers, joined
-from farfield.stream.outlook import Outlook, look
+from farfield.stream.offers import Kind, Objects, Offers, joined
+from farfield.stream.outlook import Outlook, cutoff, look
 
 STEADY = 0.02
 """An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2)."""
@@ -45,19 +45,16 @@ class Scheduler:
 
     def __init__(
         self,
-        boxes: NDArray[np.float64],
+        objects: Objects,
         kinds: Sequence[Kind],
         far: float,
         link: Link | None = None,
         importance: NDArray[np.float32] | None = None,
     ) -> None:
-        """boxes: (n, 6) local metres, lower and upper corners of all objects. far: metres to the far plane.
-
-        importance: (n,) factors of benefit; 1 without.
-        """
+        """far: metres to the far plane. importance: (n,) factors of the objects' benefit; 1 without."""
         self.link = Link() if link is None else link
         self.predictor = MotionPredictor()
-        self._boxes, self._kinds, self._far = boxes, kinds, far
+        self._objects, self._kinds, self._far = objects, kinds, far
         self._importance = importance
         self._outlook: Outlook | None = None
         self._offers: Offers | None = None
@@ -69,7 +66,8 @@ class Scheduler:
     def follow(self, viewing: Viewing, now: float) -> None:
         """The viewer is there, now, in seconds of its clock."""
         prediction = self.predictor.follow(viewing)
-        self._outlook = outlook = look(prediction, self._boxes, now, self._far, OTHERWISE)
+        boxes = self._objects.boxes(prediction, cutoff(prediction, now, self._far))
+        self._outlook = outlook = look(prediction, boxes, now, self._far, OTHERWISE)
         found = [kind.offers(outlook) for kind in self._kinds]
         self._counts = [len(one.sizes) for one in found]
         self._offers = joined(found)

@@ -1,0 +1,52 @@
+"""A world of cells without a store: what the scheduler knows of one."""
+
+from __future__ import annotations
+
+import msgspec
+
+from farfield.octree.grid import CellKey, Grid
+from farfield.stream.tree import NONE, CellTree
+from farfield.world.index import CellEntry, GeometryEntry, write_picks
+
+GRID = Grid(leaf_size=8.0, resolution=8, corner=(0.0, 0.0, 0.0), axis_levels=(3, 3, 0))
+TILE_BYTES = 1_000
+GEOMETRY_BYTES = 20_000
+SHARED = ("ab" * 8, 5_000)
+
+
+def flat_tree(height: float = 4.0) -> CellTree:
+    """8 x 8 leaves of 8 m and all above them; every cell has three tiles, of which two are worth their bytes.
+
+    Every other leaf places a mesh that they share. height: metres of what is in the cells.
+    """
+    levels = [[CellKey(3, 0, 0, 0)]]
+    for level in (2, 1, 0):
+        levels.append([child for key in levels[-1] for child in GRID.children(key)])
+        assert all(key.level == level for key in levels[-1])
+    keys = [key for cells in levels for key in cells]
+    number = {key: n for n, key in enumerate(keys)}
+    parents = [number[GRID.parent(key)] if key.level < 3 else NONE for key in keys]
+    return CellTree(GRID, [_entry(key, height) for key in keys], parents)
+
+
+def _entry(key: CellKey, height: float) -> CellEntry:
+    lower, upper = GRID.bounds(key)
+    picks = tuple(write_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)]) for n in _starts())
+    entry = CellEntry(
+        key=str(key),
+        bounds=((lower[0], lower[1], 0.0), (upper[0], upper[1], height)),
+        error=GRID.pitch(key.level),
+        hash="0123456789abcdef",
+        tiles=((0, 0, TILE_BYTES), (1, 0, TILE_BYTES), (2, 1, TILE_BYTES)),
+        picks=picks,
+        children=tuple(map(str, GRID.children(key))),
+    )
+    if key.level > 0:
+        return entry
+    meshes = (SHARED,) if (key.x + key.y) % 2 else ()
+    return msgspec.structs.replace(entry, geometry=GeometryEntry("fe" * 8, GEOMETRY_BYTES, 100, 1, meshes))
+
+
+def _starts() -> list[int]:
+    """For each view bin the first of its three tiles."""
+    return [n % 3 for n in range(26)]

@@ -1,0 +1,146 @@
+"""Cells as things to send: which are made out, what shows which, and what is taken to be there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from farfield.octree.cut import cut
+from farfield.octree.grid import CellKey
+from farfield.stream.link import Link
+from farfield.stream.motion import MotionPredictor, Viewing
+from farfield.stream.offers import Offers
+from farfield.stream.outlook import look
+from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
+from farfield.stream.scheduler import Scheduler
+from farfield.stream.tree import CellTree
+from stream.cells import GEOMETRY_BYTES, GRID, SHARED, TILE_BYTES, flat_tree
+from stream.test_motion import viewing
+
+FAR = 200.0
+TREE = flat_tree()
+
+
+class Keys:
+    """The same tree for `cut`."""
+
+    def __init__(self, tree: CellTree) -> None:
+        self._entries = {entry.cell: entry for entry in tree.entries}
+        self.roots = [tree.entries[number].cell for number in tree.roots]
+
+    def children(self, key: CellKey) -> list[CellKey]:
+        return [CellKey.parse(child) for child in self._entries[key].children]
+
+
+def seen_from(eye: tuple[float, float, float], velocity: tuple[float, float, float] = (0, 0, 0)) -> Viewing:
+    forward = np.array([0.0, 1.0, 0.0])
+    return Viewing(0.0, np.array(eye, float), forward, 60.0, (100, 100), velocity=np.array(velocity, float))
+
+
+def regions_of(seen: Viewing, shape: Shape | None = None) -> Regions:
+    regions = Regions(TREE, shape)
+    regions.boxes(MotionPredictor().follow(seen), 60.0)
+    return regions
+
+
+@pytest.mark.parametrize("near", [0.0, 10.0, None])
+@pytest.mark.parametrize("eye", [(-5.0, -5.0, 2.0), (20.0, 20.0, 2.0), (-300.0, 0.0, 50.0)])
+def test_who_stands_sees_the_cut(eye: tuple[float, float, float], near: float | None) -> None:
+    regions = regions_of(seen_from(eye), Shape(near))
+    shown = cut(Keys(TREE), GRID, np.array(eye), regions.radius, regions.near)
+    assert {TREE.entries[n].cell for n in regions.cells} == {*shown.pictures, *shown.geometry}
+
+
+def test_who_moves_sees_what_is_fine_enough_on_the_way_and_everything_once() -> None:
+    still, moving = regions_of(seen_from((-300, 30, 20))), regions_of(seen_from((-300, 30, 20), (50, 0, 0)))
+    assert len(moving.cells) > len(still.cells)
+    sizes = TREE.boxes[moving.cells, 3:5] - TREE.boxes[moving.cells, :2]
+    assert sizes.prod(axis=1).sum() == 64.0**2
+
+
+def offers_of(pictures: Pictures, regions: Regions, seen: Viewing) -> tuple[Offers, np.ndarray]:
+    prediction = MotionPredictor().follow(seen)
+    outlook = look(prediction, regions.boxes(prediction, 60.0), 0.0, FAR)
+    offers = pictures.offers(outlook)
+    best = np.zeros(outlook.visible.shape, np.float32)
+    pictures.shown(outlook, best)
+    return offers, best
+
+
+def test_what_is_offered_and_shown() -> None:
+    seen, regions = seen_from((32.0, -30.0, 10.0)), Regions(TREE, Shape(near=12.0))
+    pictures = Pictures(regions)
+    offers, best = offers_of(pictures, regions, seen)
+    assert not best.any()
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    root = items.index(next(item for item in items if item.cell == "3/0/0/0"))
+    # Two of the three tiles are worth their bytes, and all that is seen is below the root.
+    assert offers.sizes[root] == 2 * TILE_BYTES
+    visible = {int(n) for n in offers.objects}
+    assert {int(n) for n in offers.objects[offers.uses(root)]} == visible
+    assert not any(item.is_geometry for item in items)
+    # The finer, the more accurate; nothing is offered twice.
+    finest = np.zeros(len(regions.cells))
+    for n in range(len(items)):
+        own = offers.objects[offers.uses(n)]
+        finest[own] = np.maximum(finest[own], offers.accuracy[offers.uses(n), 0])
+    assert (finest[list(visible)] > offers.accuracy[offers.uses(root), 0].max()).any()
+    again, best = offers_of(pictures, regions, seen)
+    assert len(again.sizes) == 0
+    assert (best[list(visible), 0] == finest[list(visible)].astype(np.float32)).all()
+
+
+def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
+    seen, regions = seen_from((32.0, 1.0, 2.0)), Regions(TREE, Shape(near=12.0))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    sizes = sorted(int(size) for size in offers.sizes if size >= GEOMETRY_BYTES)
+    assert sizes[0] == GEOMETRY_BYTES
+    assert sizes[-1] == GEOMETRY_BYTES + SHARED[1]
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    near = [item for item in items if item.is_geometry]
+    assert any(item.keys[1:] == (f"mesh/{SHARED[0]}",) for item in near)
+    geometry = [key for item in near for key in item.keys]
+    # Its pictures show a leaf less well.
+    pictures.keep([key for item in items for key in item.keys if key not in geometry])
+    _, by_pictures = offers_of(pictures, regions, seen)
+    pictures.keep(key for item in items for key in item.keys)
+    _, whole = offers_of(pictures, regions, seen)
+    assert by_pictures.max() < whole.max() == 1.0
+
+
+def sent(seen: Viewing, pictures: Pictures, regions: Regions, bandwidth: float, seconds: float) -> list[SentCell]:
+    """What a viewer that stays is sent in so many seconds."""
+    scheduler = Scheduler(regions, [pictures], FAR, Link(bandwidth, 0.0))
+    now, found = 0.0, []
+    scheduler.follow(seen, now)
+    while (choice := scheduler.next(now)) and now < seconds:
+        found.append(choice.item)
+        now += choice.seconds
+        scheduler.follow(Viewing(now, seen.eye, seen.forward, seen.fov, seen.size), now)
+    return found
+
+
+def test_coarse_everywhere_before_fine_somewhere_and_all_of_the_cut_in_the_end() -> None:
+    seen, regions = seen_from((32.0, -30.0, 10.0)), Regions(TREE, Shape(near=0.0))
+    pictures = Pictures(regions)
+    found = sent(seen, pictures, regions, 10_000, 600)
+    assert found[0].cell == "3/0/0/0"
+    assert len(found) == len({(item.cell, item.is_geometry) for item in found})
+    outlook = look(MotionPredictor().follow(seen), regions.boxes(MotionPredictor().follow(seen), 1), 0.0, FAR)
+    in_picture = {TREE.entries[n].key for n in regions.cells[outlook.visible[:, 0] > 0]}
+    assert in_picture <= {item.cell for item in found}
+
+
+def test_what_was_dropped_is_sent_again() -> None:
+    seen, regions = seen_from((32.0, -30.0, 10.0)), Regions(TREE, Shape(near=0.0))
+    pictures = Pictures(regions)
+    found = sent(seen, pictures, regions, 10_000, 600)
+    assert sent(seen, pictures, regions, 10_000, 600) == []
+    pictures.drop(found[-1].keys[:1])
+    assert sent(seen, pictures, regions, 10_000, 600) == [SentCell(found[-1].cell, False, found[-1].keys[:1])]
+
+
+def test_no_world_no_offers() -> None:
+    regions = Regions(CellTree(GRID, [], []))
+    assert sent(viewing(), Pictures(regions), regions, 1_000, 10) == []
