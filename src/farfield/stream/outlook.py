@@ -60,8 +60,8 @@ def look(prediction: Prediction, boxes: Floats, now: float, far: float, otherwis
     """What will be seen of boxes, (n, 6) local metres: lower and upper corners.
 
     now: seconds of the viewer's clock. far: metres to the far plane. otherwise: share of the cases in which the viewer
-    does not do what is predicted, but looks elsewhere, anywhere round about. In the thesis there are none: then the
-    link idles when all is sent that the movement will show, and a turn shows nothing at first.
+    does not do what is predicted, but looks elsewhere, anywhere round about. In the thesis there are none: then
+    nothing is sent but what the movement will show, and a turn shows nothing at first.
     """
     seconds = cutoff(prediction, now, far)
     if prediction.movement is Movement.TURNING:

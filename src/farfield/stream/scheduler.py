@@ -60,6 +60,7 @@ class Scheduler:
         self._offers: Offers | None = None
         self._counts: list[int] = []
         self._open = np.zeros(0, bool)
+        self._late = False
         self._held = self._visible = np.zeros((0, 0), np.float32)
         self._seconds = self._benefits = self._rates = np.zeros(0)
 
@@ -79,26 +80,39 @@ class Scheduler:
         if self._importance is not None:
             self._visible = outlook.visible * self._importance[:, None]
         self._seconds = self._offers.sizes / self.link.bandwidth + OVERHEAD
-        every = np.arange(len(self._seconds))
-        self._benefits = self._added(every, self._before(now) + self._seconds)
-        self._rates = self._benefits / self._seconds
+        self._late = False
+        self._benefits, self._rates = np.zeros((2, len(self._seconds)))
+        self._renew(np.arange(len(self._seconds)), self._before(now))
 
     def next(self, now: float) -> Choice | None:
         """What to send now, in seconds of the viewer's clock; None when nothing would add anything.
 
-        Greedy by benefit a second of the link (BEN 5). Benefits only fall from one look to the next, by what is sent
-        and as time passes, so those that are known are bounds: only the best is worked out anew, until it stays best.
+        Greedy by benefit a second of the link (BEN 5). When nothing would be there in time, the link is not left idle,
+        as it is in the thesis: then what would add most if it were there, for its time.
         """
         if self._offers is None or len(self._rates) == 0:
             return None
         before = self._before(now)
+        best = self._leading(before)
+        if self._rates[best] > 0 and not self._late:
+            best = self._exchanged(best, before)
+        elif not self._late:
+            self._late = True
+            self._renew(np.arange(len(self._rates)), before)
+            best = self._leading(before)
+        return self._chosen(self._offers, best) if self._rates[best] > 0 else None
+
+    def _leading(self, before: float) -> int:
+        """The item that adds most for its time.
+
+        Benefits only fall from one look to the next, by what is sent and as time passes, so those that are known are
+        bounds: only the best is worked out anew, until it stays best.
+        """
         best = -1
         while best != (leading := int(np.argmax(self._rates))):
             best = leading
             self._renew(np.array([best]), before)
-        if self._rates[best] <= 0:
-            return None
-        return self._chosen(self._offers, self._exchanged(best, before))
+        return best
 
     def _before(self, now: float) -> float:
         """Seconds from the viewing on until something of no size that is sent now would be there."""
@@ -108,7 +122,8 @@ class Scheduler:
 
     def _renew(self, items: NDArray[np.int64], before: float) -> None:
         """Works out what items add, beside what is held by now."""
-        self._benefits[items] = np.where(self._open[items], self._added(items, before + self._seconds[items]), 0.0)
+        arrivals = np.zeros(len(items)) if self._late else before + self._seconds[items]
+        self._benefits[items] = np.where(self._open[items], self._added(items, arrivals), 0.0)
         self._rates[items] = self._benefits[items] / self._seconds[items]
 
     def _added(self, items: NDArray[np.int64], arrivals: Floats) -> Floats:

@@ -1,0 +1,205 @@
+import { MotionPredictor, type Viewing } from "./motion.js";
+import type { Offer, Offering } from "./offers.js";
+import { cutoff, look, type Outlook } from "./outlook.js";
+
+/** An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2). */
+const STEADY = 0.02;
+/** Share of the cases in which a viewer does something else than it is expected to. */
+const OTHERWISE = 0.1;
+/** Items, those that add most, that the best for its time is compared with. */
+const RIVALS = 4;
+/** Seconds that an item takes besides its bytes. */
+const OVERHEAD = 0.002;
+
+/** What to fetch. */
+export interface Choice<Item> {
+  readonly offer: Offer<Item>;
+  /** What it adds, pixel seconds. */
+  readonly benefit: number;
+  /** What it costs: seconds for which the link is taken by it. */
+  readonly seconds: number;
+}
+
+/** What is known of the way to the server. */
+export interface LinkEstimate {
+  /** Bytes a second. */
+  readonly bandwidth: number;
+  /** Seconds from asking to having, bytes apart. */
+  readonly latency: number;
+}
+
+/** Chooses what to fetch next, by what it adds for the time it takes (BEN 5); the twin of `farfield.stream.scheduler`. */
+export class Scheduler<Item> {
+  readonly predictor = new MotionPredictor();
+  private outlook: Outlook = { bounds: [0, 0], eyes: [], visible: new Float64Array(), focal: 1 };
+  private offers: readonly Offer<Item>[] = [];
+  private held = new Float64Array();
+  private benefits = new Float64Array();
+  private rates = new Float64Array();
+  private seconds = new Float64Array();
+  private chosen = new Set<number>();
+  /** Nothing that is left would be there in time. */
+  private late = false;
+  /** Seconds for which the link is taken by what was chosen. */
+  private taken = 0;
+
+  constructor(
+    private readonly offering: Offering<Item>,
+    /** Metres to the far plane. */
+    private readonly far: () => number,
+    private readonly link: () => LinkEstimate,
+  ) {}
+
+  /** The viewer is there, now, in seconds of its clock. */
+  follow(viewing: Viewing, now: number): void {
+    const prediction = this.predictor.follow(viewing);
+    const far = this.far();
+    const boxes = this.offering.boxes(prediction, cutoff(prediction, now, far));
+    this.outlook = look(prediction, boxes, now, far, OTHERWISE);
+    const { offers, shown } = this.offering.offers(this.outlook);
+    const intervals = this.outlook.bounds.length - 1;
+    this.held = new Float64Array(boxes.length * intervals);
+    for (const { object, accuracy } of shown) this.raise(object, accuracy);
+    this.offers = offers;
+    this.chosen = new Set();
+    this.taken = 0;
+    this.late = false;
+    const { bandwidth } = this.link();
+    this.seconds = Float64Array.from(offers, ({ size }) => size / bandwidth + OVERHEAD);
+    this.benefits = new Float64Array(offers.length);
+    this.rates = new Float64Array(offers.length);
+    this.renewAll(this.before(now));
+  }
+
+  /**
+   * What to fetch now; null when nothing would add anything. Greedy by benefit a second of the link; when nothing would be there in
+   * time, what would add most if it were there, for its time.
+   */
+  next(now: number): Choice<Item> | null {
+    if (this.offers.length === 0) return null;
+    const before = this.before(now);
+    let best = this.leading(before);
+    if (this.rates[best]! > 0 && !this.late) best = this.exchanged(best, before);
+    else if (!this.late) {
+      this.late = true;
+      this.renewAll(before);
+      best = this.leading(before);
+    }
+    return this.rates[best]! > 0 ? this.take(best) : null;
+  }
+
+  /** All that adds something, in the order in which it should come. */
+  order(now: number, most = Infinity): Choice<Item>[] {
+    const found: Choice<Item>[] = [];
+    while (found.length < most) {
+      const choice = this.next(now);
+      if (!choice) break;
+      found.push(choice);
+      this.taken += choice.offer.size / this.link().bandwidth;
+    }
+    return found;
+  }
+
+  /** Seconds from the viewing on until something of no size that is asked for now would be there. */
+  private before(now: number): number {
+    const since = this.predictor.prediction ? now - this.predictor.prediction.viewing.time : 0;
+    return since + this.link().latency + this.taken;
+  }
+
+  /**
+   * The item that adds most for its time. Benefits only fall from one look to the next, so those that are known are bounds: only the
+   * best is worked out anew, until it stays best.
+   */
+  private leading(before: number): number {
+    let best = -1;
+    for (let first = largest(this.rates); first !== best; first = largest(this.rates)) {
+      best = first;
+      this.renew(best, before);
+    }
+    return best;
+  }
+
+  private renewAll(before: number): void {
+    for (let n = 0; n < this.offers.length; n++) this.renew(n, before);
+  }
+
+  private renew(n: number, before: number): void {
+    this.benefits[n] = this.chosen.has(n) ? 0 : this.added(n, this.late ? 0 : before + this.seconds[n]!);
+    this.rates[n] = this.benefits[n]! / this.seconds[n]!;
+  }
+
+  /** Pixel seconds that an item adds to what is there, from its arrival to the cut-off: the added-benefit integral (BEN 5). */
+  private added(n: number, arrival: number): number {
+    const { bounds, visible } = this.outlook;
+    const intervals = bounds.length - 1;
+    let total = 0;
+    for (let k = 0; k < intervals; k++) {
+      const begin = Math.max(bounds[k]!, arrival);
+      if (begin >= bounds[k + 1]!) continue;
+      let added = 0;
+      for (const { object, accuracy } of this.offers[n]!.uses) {
+        const held = this.held[object * intervals + k]!;
+        const gain = accuracy[k]! - held;
+        if (gain > STEADY || (gain > 0 && held === 0)) added += gain * visible[object * intervals + k]!;
+      }
+      total += added * (bounds[k + 1]! - begin);
+    }
+    return total;
+  }
+
+  /**
+   * The best for its time, or an item for which it can wait: a large one that is seen for a short time only. Of two that show
+   * different objects the first is the one with which both add more; they take as long either way.
+   */
+  private exchanged(best: number, before: number): number {
+    const rivals = largestOf(this.benefits, RIVALS);
+    for (const rival of rivals) this.renew(rival, before);
+    for (const rival of rivals.sort((a, b) => this.benefits[b]! - this.benefits[a]! || a - b)) {
+      if (this.benefits[rival]! <= this.benefits[best]! || this.share(best, rival)) continue;
+      const after = before + this.seconds[best]! + this.seconds[rival]!;
+      if (this.benefits[rival]! + this.added(best, after) > this.benefits[best]! + this.added(rival, after)) best = rival;
+    }
+    return best;
+  }
+
+  /** Whether two items show a common object. */
+  private share(one: number, other: number): boolean {
+    const objects = new Set(this.offers[one]!.uses.map(({ object }) => object));
+    return this.offers[other]!.uses.some(({ object }) => objects.has(object));
+  }
+
+  private take(n: number): Choice<Item> {
+    const offer = this.offers[n]!;
+    const choice = { offer, benefit: this.benefits[n]!, seconds: this.seconds[n]! };
+    for (const { object, accuracy } of offer.uses) this.raise(object, accuracy);
+    this.chosen.add(n);
+    this.benefits[n] = this.rates[n] = 0;
+    return choice;
+  }
+
+  private raise(object: number, accuracy: readonly number[]): void {
+    const intervals = this.outlook.bounds.length - 1;
+    for (let k = 0; k < intervals; k++) {
+      const place = object * intervals + k;
+      this.held[place] = Math.max(this.held[place]!, accuracy[k]!);
+    }
+  }
+}
+
+function largest(values: Float64Array): number {
+  let best = -1;
+  for (let n = 0; n < values.length; n++) if (best < 0 || values[n]! > values[best]!) best = n;
+  return best;
+}
+
+/** Places of the largest few. */
+function largestOf(values: Float64Array, count: number): number[] {
+  const found: number[] = [];
+  for (let n = 0; n < values.length; n++) {
+    if (found.length === count && values[n]! <= values[found[count - 1]!]!) continue;
+    if (found.length === count) found.pop();
+    const place = found.findIndex((other) => values[other]! < values[n]!);
+    found.splice(place < 0 ? found.length : place, 0, n);
+  }
+  return found;
+}
