@@ -82,10 +82,10 @@ describe("Loader", () => {
     );
     const { loader, fetcher, seen } = makeLoader();
     await fetcher.manifest(new AbortController().signal);
-    const list = resources(40);
+    const list = resources(8);
     loader.want(list.map((resource) => want(resource)), 1);
     await settle();
-    expect(asked).toHaveLength(41);
+    expect(asked).toHaveLength(9);
     expect(fetcher.requests).toBe(2);
     expect(seen.bad).toEqual([]);
   });

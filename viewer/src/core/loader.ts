@@ -5,6 +5,7 @@ import type { Server, Servers } from "./servers.js";
 import { Sizes, SURE } from "./sizes.js";
 import { valueOf, type Found } from "./source.js";
 import { Stock } from "./stock.js";
+import { Link } from "./stream/link.js";
 import { isNeeded, URGENCY, type Want } from "./wants.js";
 
 /** A decoded value that waits to be uploaded. */
@@ -34,6 +35,14 @@ const REQUESTS = 6;
 /** To all of them, as far as each has two: more would only share the same line. */
 const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
+/**
+ * Seconds of the link that are asked for ahead, so that what turns out to be more urgent does not wait for longer, large values apart;
+ * bytes as long as it is not known how fast it is, and at least; and how many requests share them.
+ */
+const ASKED_SECONDS = 0.5;
+const ASKED_AT_FIRST = 32 << 10;
+const ASKED_BYTES = 32 << 10;
+const SHARES = 4;
 /** Bytes of a value that has a request to itself, and how many such come at once: on a slow link the small ones go on beside them. */
 const LARGE_BYTES = 1 << 20;
 const LARGE_REQUESTS = 2;
@@ -76,6 +85,8 @@ export class Loader {
   readonly cache: Cache;
   readonly sizes = new Sizes();
   readonly stock: Stock;
+  /** How fast values come. */
+  readonly link = new Link();
   private wants: readonly Want[] = [];
   private urgencies: ReadonlyMap<Resource, number> = new Map();
   /** What the picture needs, and what it does not need now, by server. */
@@ -205,9 +216,11 @@ export class Loader {
     // What does not fit still comes, one at a time: it may be that all that stands in its way waits for it.
     let alone = !ahead && this.waiting === 0 && !this.isNeededFrom(server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
-    const limit = ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES;
+    const room = this.link.isKnown ? Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES) : ASKED_AT_FIRST;
+    const limit = Math.min(ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES, room / SHARES);
     let large = (ahead ? 1 : LARGE_REQUESTS) - asked.filter(({ resources }) => resources.some(isLarge)).length;
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.loading.size + this.waiting < UNDER_WAY; free--) {
+      if (this.smallUnderWay() >= room) return;
       const chosen: Resource[] = [];
       let bytes = 0;
       const most = Math.min(server.source.batchKeys, left);
@@ -234,6 +247,13 @@ export class Loader {
       alone = false;
       void this.request(server, chosen, ahead);
     }
+  }
+
+  /** Bytes asked for, large values apart, which have requests of their own. */
+  private smallUnderWay(): number {
+    let bytes = 0;
+    for (const { resources } of this.requests.values()) if (!isLarge(resources[0]!)) bytes += bytesOf(resources);
+    return bytes;
   }
 
   /** Decodes what was fetched ahead: what the picture has come to need, and a few of the others while there is room. */
@@ -306,10 +326,14 @@ export class Loader {
       resource.state = "loading";
       this.loading.set(resource, controller);
     }
+    const bytes = bytesOf(resources);
+    this.link.sent(performance.now() / 1000, bytes);
     try {
       const answers = await server.getMany(resources.map(({ key }) => key), controller.signal);
+      this.link.acknowledged(performance.now() / 1000, bytes);
       resources.forEach((resource, n) => this.arrive(resource, answers[n]!, controller.signal));
     } catch (error) {
+      this.link.givenUp(bytes);
       const known = asFarfieldError(error, resources[0]!.key);
       for (const resource of resources) this.release(resource);
       if (known.tag === "missing") for (const resource of resources) this.fail(resource, known);
@@ -413,6 +437,10 @@ export class Loader {
     resource.payload = null;
     resource.state = "absent";
   }
+}
+
+function bytesOf(resources: readonly Resource[]): number {
+  return resources.reduce((sum, { bytes }) => sum + bytes, 0);
 }
 
 function isLarge({ bytes }: Resource): boolean {

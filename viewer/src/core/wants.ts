@@ -31,6 +31,8 @@ export function isNeeded(urgency: number): boolean {
 export interface Want {
   readonly resource: Resource;
   readonly urgency: number;
+  /** Place in the order of what adds most for its bytes; left out: it adds nothing that is known of. */
+  readonly rank?: number;
   readonly distance: number;
   readonly level: number;
 }
@@ -98,7 +100,12 @@ function addCover(cell: Cell, add: (ancestor: Cell) => void): void {
   if (ancestor) add(ancestor);
 }
 
-/** Order of wants: urgent, then near, then coarse. */
+/** Order of wants: urgent, then what adds most, then near, then coarse. */
 export function byUrgency(a: Want, b: Want): number {
-  return a.urgency - b.urgency || a.distance - b.distance || b.level - a.level;
+  return a.urgency - b.urgency || rankOf(a) - rankOf(b) || a.distance - b.distance || b.level - a.level;
+}
+
+/** A number also where there is none, so that two can be subtracted. */
+function rankOf({ rank }: Want): number {
+  return rank ?? Number.MAX_SAFE_INTEGER;
 }

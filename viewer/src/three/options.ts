@@ -33,6 +33,8 @@ export interface WorldOptions {
   readonly cacheBytes: number;
   /** Seconds of the eye's flight for which the world is fetched ahead; 0: only what is in the picture and round it. */
   readonly ahead: number;
+  /** Whether what adds most to the picture for its bytes is fetched first; else what is nearest. */
+  readonly benefit: boolean;
   /** Bytes uploaded to the graphics card a frame, at most one value more. */
   readonly uploadBytes: number;
   /**
@@ -71,6 +73,7 @@ export function defaultOptions(): WorldOptions {
     shadows: false,
     cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
     ahead: 8,
+    benefit: true,
     uploadBytes: 4 << 20,
     culling: "all",
     frameMs: 40,

@@ -9,6 +9,8 @@ import type { Resource } from "../core/resource.js";
 import type { Servers } from "../core/servers.js";
 import { shownBy, type Shown } from "../core/shown.js";
 import { distanceTo, farthestIn, type Vector3 } from "../core/vector.js";
+import { Observer } from "../core/stream/observer.js";
+import { Ranking } from "../core/stream/ranking.js";
 import { coarseFirst, isNeeded, listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { CoarseningControl } from "./coarsening.js";
@@ -70,6 +72,8 @@ export class Session {
   private viewpoint: Viewpoint | null = null;
   private view: PlanView | null = null;
   private ahead = new LookAhead();
+  private readonly observer = new Observer();
+  private readonly ranking: Ranking;
   private lastShown: Shown | null = null;
   /** Since when there has been no complete picture. */
   private lackingSince: number | null = null;
@@ -101,6 +105,7 @@ export class Session {
     this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget, patches: () => options().patches });
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
+    this.ranking = new Ranking(this.loader.link, this.loader.sizes);
   }
 
   /** Prepares a newer generation; it takes the place of the present one when all that the view wants of it is there. */
@@ -189,12 +194,24 @@ export class Session {
     this.seen = seenOf(wants);
     const soon = this.lookAhead(plan, view);
     explore(index, plan, this.ahead.unknown);
-    this.loader.want(joined(next.wants ?? [], joinWants([this.inTime(wants, view), soon])), this.number, drawnBy(plan), this.next !== null);
+    this.loader.want(joined(next.wants ?? [], joinWants([this.ordered(wants, viewpoint, view, width), soon])), this.number, drawnBy(plan), this.next !== null);
     if (next.taken) this.loader.cache.dropGone();
     const picture = !before || !samePlan(plan, before);
     // A picture that is complete has its own shadows at once.
     if (picture && this.pending === 0) this.castersAt = -Infinity;
     return { picture, detail, generation: next.taken };
+  }
+
+  /** Wants in the order in which they are to be fetched. */
+  private ordered(wants: Want[], viewpoint: Viewpoint, view: PlanView, width: number): Want[] {
+    const { options, servers } = this.parts;
+    if (!options().benefit) return this.inTime(wants, view);
+    const { manifest, roots } = this.index;
+    const share = width / viewpoint.width;
+    const shown = { ...viewpoint, focal: viewpoint.focal * share, width, height: viewpoint.height * share };
+    const viewing = this.observer.see(shown, performance.now() / 1000, manifest.grid.leafSize);
+    const cells = { ...view, roots, directions: manifest.directions, pitch: manifest.grid.pitch(0), lacks: servers.lacking() };
+    return this.ranking.rank(wants, cells, viewing, options().cacheBytes);
   }
 
   /** Wants in their order, or, where the link has been too slow for a while, with what can stand in first. */

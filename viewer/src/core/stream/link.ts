@@ -1,0 +1,51 @@
+import type { LinkEstimate } from "./scheduler.js";
+
+/** Seconds over which bandwidth is measured. */
+const WINDOW = 2;
+/** Bytes a second, until something has come. */
+const FIRST_GUESS = 20_000;
+const LEAST = 100;
+
+/** How fast a link is: what came within the last seconds in which something was under way (BEN 4); the twin of `farfield.stream.link`. */
+export class Link implements LinkEstimate {
+  bandwidth = FIRST_GUESS;
+  /** Whether something has come, so that the bandwidth is no guess. */
+  isKnown = false;
+  readonly latency: number;
+  /** Bytes that were asked for and have not come. */
+  underWay = 0;
+  private came: { readonly at: number; readonly size: number }[] = [];
+  private busySince = 0;
+
+  constructor(latency = 0.1) {
+    this.latency = latency;
+  }
+
+  /** So many bytes are asked for; times are in seconds. */
+  sent(now: number, size: number): void {
+    if (this.underWay === 0) {
+      this.busySince = now;
+      this.came = [];
+    }
+    this.underWay += size;
+  }
+
+  /** So many bytes have come. */
+  acknowledged(now: number, size: number): void {
+    size = Math.min(size, this.underWay);
+    if (size <= 0) return;
+    this.underWay -= size;
+    this.isKnown = true;
+    this.came.push({ at: now, size });
+    while (this.came[0]!.at < now - WINDOW) this.busySince = this.came.shift()!.at;
+    // Only while something was under way: an idle link says nothing of how fast it is.
+    const busy = now - this.busySince;
+    const seconds = Math.max(busy - this.latency, busy - WINDOW, 0.05);
+    this.bandwidth = Math.max(this.came.reduce((sum, part) => sum + part.size, 0) / seconds, LEAST);
+  }
+
+  /** So many bytes will not come. */
+  givenUp(size: number): void {
+    this.underWay = Math.max(this.underWay - size, 0);
+  }
+}

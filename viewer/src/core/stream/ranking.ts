@@ -1,0 +1,65 @@
+import type { Cell } from "../cell.js";
+import { seesBox, type Frustum } from "../frustum.js";
+import type { Resource } from "../resource.js";
+import type { Sizes } from "../sizes.js";
+import { farthestIn, type Vector3 } from "../vector.js";
+import { byUrgency, isNeeded, URGENCY, type Want } from "../wants.js";
+import type { Link } from "./link.js";
+import type { Viewing } from "./motion.js";
+import { Pictures, type CellsView, type Part } from "./pictures.js";
+import { Scheduler, type Choice } from "./scheduler.js";
+
+/** Share of the cache up to which what stands in is fetched for the picture: then it and the picture fit together. */
+const ROOM_TO_STAND_IN = 0.7;
+
+/** What a ranking is made for. */
+export interface RankedView extends CellsView {
+  readonly eye: Vector3;
+  readonly frustum: Frustum;
+}
+
+/** Puts what is wanted in the order in which it adds most to the pictures to come for the time that it takes (BEN 5). */
+export class Ranking {
+  private view: RankedView | null = null;
+  private readonly scheduler: Scheduler<Part>;
+
+  constructor(link: Link, private readonly sizes: Sizes) {
+    this.scheduler = new Scheduler(new Pictures(() => this.view!), () => this.far(), () => link);
+  }
+
+  /** The same wants and, where they help before those do, what can stand in for them. `budget`: bytes of the cache. */
+  rank(wants: readonly Want[], view: RankedView, viewing: Viewing, budget: number): Want[] {
+    this.view = view;
+    this.scheduler.follow(viewing, viewing.time);
+    const ranked = new Map<Resource, Want>();
+    for (const choice of this.scheduler.order(viewing.time)) this.enlist(choice, ranked);
+    const known = new Map(wants.map((want) => [want.resource, want]));
+    const needed = [...wants, ...ranked.values()].filter(({ urgency }) => isNeeded(urgency));
+    const bytes = [...new Set(needed.map(({ resource }) => resource))].reduce((sum, resource) => sum + this.sizes.of(resource), 0);
+    const fits = bytes <= budget * ROOM_TO_STAND_IN;
+    const found = wants.map((want) => {
+      const own = ranked.get(want.resource);
+      if (isNeeded(want.urgency)) return { ...want, urgency: URGENCY.seen, ...(own && { rank: own.rank! }) };
+      return own && (fits || !isNeeded(own.urgency)) && own.urgency <= want.urgency ? own : want;
+    });
+    if (fits) for (const want of ranked.values()) if (!known.has(want.resource)) found.push(want);
+    return found.sort(byUrgency);
+  }
+
+  private enlist({ offer }: Choice<Part>, ranked: Map<Resource, Want>): void {
+    const { cell, resources } = offer.item;
+    const urgency = this.isSeen(cell) ? URGENCY.seen : URGENCY.ahead;
+    for (const resource of resources) {
+      if (!ranked.has(resource)) ranked.set(resource, { resource, urgency, rank: ranked.size, distance: 0, level: cell.level });
+    }
+  }
+
+  private isSeen({ reach }: Cell): boolean {
+    return seesBox(this.view!.frustum, reach);
+  }
+
+  private far(): number {
+    const { roots, eye } = this.view!;
+    return roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 1);
+  }
+}
