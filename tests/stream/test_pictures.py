@@ -73,9 +73,12 @@ def test_what_is_offered_and_shown() -> None:
     offers, best = offers_of(pictures, regions, seen)
     assert not best.any()
     items = [pictures.take(n) for n in range(len(offers.sizes))]
-    root = items.index(next(item for item in items if item.cell == "3/0/0/0"))
+    first, root = (n for n, item in enumerate(items) if item.cell == "3/0/0/0")
     # Two of the three tiles are worth their bytes, and all that is seen is below the root.
-    assert offers.sizes[root] == 2 * TILE_BYTES
+    assert offers.sizes[[first, root]].tolist() == [TILE_BYTES, 2 * TILE_BYTES]
+    assert (offers.accuracy[offers.uses(first)] < offers.accuracy[offers.uses(root)]).all()
+    assert offers.series[first] == offers.series[root]
+    assert len(items[first].keys) == len(items[root].keys) == 1
     visible = {int(n) for n in offers.objects}
     assert {int(n) for n in offers.objects[offers.uses(root)]} == visible
     assert not any(item.is_geometry for item in items)
@@ -126,7 +129,9 @@ def test_coarse_everywhere_before_fine_somewhere_and_all_of_the_cut_in_the_end()
     pictures = Pictures(regions)
     found = sent(seen, pictures, regions, 10_000, 600)
     assert found[0].cell == "3/0/0/0"
-    assert len(found) == len({(item.cell, item.is_geometry) for item in found})
+    keys = [key for item in found for key in item.keys]
+    assert len(keys) == len(set(keys))
+    assert all(item.keys for item in found)
     outlook = look(MotionPredictor().follow(seen), regions.boxes(MotionPredictor().follow(seen), 1), 0.0, FAR)
     in_picture = {TREE.entries[n].key for n in regions.cells[outlook.visible[:, 0] > 0]}
     assert in_picture <= {item.cell for item in found}

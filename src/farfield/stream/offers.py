@@ -25,19 +25,21 @@ class Offers:
     """(u,) the object of each use."""
     accuracy: NDArray[np.float32]
     """(u, k) of each use in each interval of the outlook, 0 to 1."""
+    series: NDArray[np.int64] | None = None
+    """(m,) numbers: of items with the same, each larger one holds all that the smaller ones do, and what was sent of it
+    needs not be sent again. None: each is for itself."""
 
     def uses(self, item: int) -> slice:
         """Those of an item."""
         return slice(int(self.firsts[item]), int(self.firsts[item + 1]))
 
-    def only(self, items: NDArray[np.int64]) -> Offers:
-        """Some of the items, ascending, with their uses."""
-        counts = np.diff(self.firsts)
-        chosen = np.zeros(len(counts), bool)
-        chosen[items] = True
-        uses = np.repeat(chosen, counts)
-        firsts = np.concatenate([[0], np.cumsum(counts[items])])
-        return Offers(self.sizes[items], firsts, self.objects[uses], self.accuracy[uses])
+    def scaled(self, items: NDArray[np.int64], factors: NDArray[np.float64]) -> Offers:
+        """Some of the items, any number of times, each with its accuracy multiplied; those of one item as a series."""
+        counts = np.diff(self.firsts)[items]
+        firsts = np.concatenate([[0], np.cumsum(counts)])
+        uses = np.repeat(self.firsts[:-1][items] - firsts[:-1], counts) + np.arange(firsts[-1])
+        accuracy = self.accuracy[uses] * np.repeat(factors, counts)[:, None].astype(np.float32)
+        return Offers(self.sizes[items], firsts, self.objects[uses], accuracy, items)
 
     @staticmethod
     def none(intervals: int) -> Offers:
@@ -95,9 +97,12 @@ class Kind(Protocol):
 def joined(offers: Sequence[Offers]) -> Offers:
     """All of them in one list, in order."""
     ends = np.cumsum([0, *(len(one.objects) for one in offers)])
+    counts = np.cumsum([0, *(len(one.sizes) for one in offers)])
+    own = [np.arange(len(one.sizes)) if one.series is None else one.series for one in offers]
     return Offers(
         np.concatenate([one.sizes for one in offers]),
         np.concatenate([one.firsts[:-1] + end for one, end in zip(offers, ends, strict=False)] + [ends[-1:]]),
         np.concatenate([one.objects for one in offers]),
         np.concatenate([one.accuracy for one in offers]),
+        np.concatenate([series + count for series, count in zip(own, counts, strict=False)]),
     )

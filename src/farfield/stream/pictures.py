@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ AHEAD = 8.0
 """Seconds for which cells are made out fine enough for where the viewer will be."""
 STEPS = 4
 """Places on that way."""
+SHOWN = (0.25, 0.5, 0.75, 0.9, 1.0)
+"""Shares of a cell for which its best tiles are offered."""
 DEFAULT_LEAST_GAIN = 10.0
 LAYERS = 2
 
@@ -72,10 +74,33 @@ class Regions:
         return np.asarray(tree.bounds[self.cells])
 
 
+@dataclass(frozen=True, slots=True)
+class _Values:
+    """What shows a cell: its tiles, best first, or its geometry."""
+
+    cell: str
+    is_geometry: bool
+    keys: tuple[str, ...]
+    sizes: tuple[int, ...]
+    """Bytes of each."""
+    shares: tuple[float, ...]
+    """Of what all of them show; the sum is 1. None of geometry, which is shown by all or nothing."""
+    steps: tuple[int, ...]
+    """How many of them are offered together, ascending."""
+
+    def shown_by(self, held: set[str]) -> float:
+        """Share that the viewer has."""
+        there = [key in held for key in self.keys]
+        if self.is_geometry:
+            return float(all(there))
+        return sum(share for share, is_there in zip(self.shares, there, strict=True) if is_there)
+
+
 class Pictures:
     """Pictures of cells and of those above them, and geometry of near leaves, for one viewer.
 
-    A cell is shown once all the tiles that are picked for where it is seen from are there, as viewers do.
+    A cell is offered by the first of the tiles that are picked for where it is seen from, as far as some shares of what
+    all of them show; a viewer draws of it what is there when nothing above it shows more.
     """
 
     def __init__(self, regions: Regions) -> None:
@@ -84,31 +109,27 @@ class Pictures:
         self._regions = regions
         self._items: list[SentCell] = []
         self._there = Offers.none(0)
-        self._picked: dict[tuple[int, int], tuple[tuple[str, int], ...]] = {}
+        self._picked: dict[tuple[int, int], _Values] = {}
 
     def offers(self, outlook: Outlook) -> Offers:
         """What is not there yet of the cells that will be seen, and of all above them."""
         regions, tree = self._regions, self._regions.tree
         away = _distances(tree.bounds[regions.cells], outlook.eyes)
-        focal = outlook.focal
         cells, objects = self._chains(outlook)
         order = np.argsort(cells, kind="stable")
         cells, objects = cells[order], objects[order]
-        sharp = focal * tree.errors[cells, None] / np.maximum(away[objects], 1e-9)
+        apart = outlook.focal * tree.errors[cells, None] / np.maximum(away[objects], 1e-9)
         leaves = np.flatnonzero(tree.has_geometry[regions.cells] & (away < regions.near).any(axis=1))
         leaves = leaves[outlook.visible[leaves].any(axis=1)]
         near = (away[leaves] < regions.near).astype(np.float32)
-        first, ends = np.unique(cells, return_index=True)
-        pictures = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
-        found = [SentCell(tree.entries[cell].key, False, ()) for cell in first]
-        lists = pictures + [self._geometry(int(regions.cells[leaf])) for leaf in leaves]
-        found += [SentCell(tree.entries[int(regions.cells[leaf])].key, True, ()) for leaf in leaves]
+        first, begins = np.unique(cells, return_index=True)
+        values = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
+        values += [self._geometry(int(regions.cells[leaf])) for leaf in leaves]
         return self._split(
-            found,
-            lists,
-            np.concatenate([ends, len(cells) + np.arange(len(leaves) + 1)]),
+            values,
+            np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)]),
             np.concatenate([objects, leaves]).astype(np.int32),
-            np.concatenate([picture_accuracy(sharp).astype(np.float32), near]),
+            np.concatenate([picture_accuracy(apart).astype(np.float32), near]),
         )
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
@@ -118,6 +139,7 @@ class Pictures:
     def take(self, item: int) -> SentCell:
         """What to send."""
         found = self._items[item]
+        found = replace(found, keys=tuple(key for key in found.keys if key not in self.held))
         self.held.update(found.keys)
         return found
 
@@ -146,53 +168,63 @@ class Pictures:
 
     def _split(
         self,
-        items: list[SentCell],
-        lists: list[tuple[tuple[str, int], ...]],
+        values: list[_Values],
         firsts: NDArray[np.int64],
         objects: NDArray[np.int32],
         accuracy: NDArray[np.float32],
     ) -> Offers:
-        """Offers what is not complete; the others are what the viewer shows."""
-        absent = [[(key, size) for key, size in values if key not in self.held] for values in lists]
-        lacks = np.array([len(values) > 0 for values in absent], bool)
-        every = Offers(np.zeros(len(items), np.int64), firsts, objects, accuracy)
-        self._there = every.only(np.flatnonzero(~lacks))
-        self._items = [
-            SentCell(item.cell, item.is_geometry, tuple(key for key, _ in values))
-            for item, values in zip(items, absent, strict=True)
-            if values
-        ]
-        sizes = [sum(size for _, size in values) for values in absent if values]
-        chosen = every.only(np.flatnonzero(lacks))
-        return Offers(np.array(sizes, np.int64), chosen.firsts, chosen.objects, chosen.accuracy)
+        """Offers what is not complete, in steps; and takes note of what the viewer shows by what it has."""
+        whole = Offers(np.zeros(len(values), np.int64), firsts, objects, accuracy)
+        self._items = []
+        sizes: list[int] = []
+        of: list[int] = []
+        reached: list[float] = []
+        shown = [one.shown_by(self.held) for one in values]
+        for number, one in enumerate(values):
+            lacks = [n for n, key in enumerate(one.keys) if key not in self.held]
+            for end in one.steps:
+                own = [n for n in lacks if n < end]
+                if not own or (of and of[-1] == number and len(own) == len(self._items[-1].keys)):
+                    continue
+                self._items.append(SentCell(one.cell, one.is_geometry, tuple(one.keys[n] for n in own)))
+                sizes.append(sum(one.sizes[n] for n in own))
+                of.append(number)
+                reached.append(1.0 if len(own) == len(lacks) else shown[number] + sum(one.shares[n] for n in own))
+        there = np.flatnonzero(shown)
+        self._there = whole.scaled(there, np.array(shown)[there])
+        offers = whole.scaled(np.array(of, np.int64), np.array(reached))
+        return replace(offers, sizes=np.array(sizes, np.int64))
 
-    def _pictures(self, cell: int, eye: Floats) -> tuple[tuple[str, int], ...]:
-        """Keys and bytes of the tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
+    def _pictures(self, cell: int, eye: Floats) -> _Values:
+        """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
         entry = self._regions.tree.entries[cell]
         place = cell, view_bin(self._regions.tree.bounds[cell].reshape(2, 3).mean(0), eye)
         if place not in self._picked:
-            numbers = (
-                [
-                    number
-                    for number, gain in entry.picks_from(place[1])
-                    if gain >= self._regions.shape.least_gain and entry.tiles[number][1] < LAYERS
-                ]
-                or [number for number, _ in entry.picks_from(place[1])[:1]]
-                or list(range(len(entry.tiles)))
-            )
-            tiles = [entry.tiles[number] for number in numbers]
-            self._picked[place] = tuple(
-                (orthoview_key(entry.cell, direction, layer, entry.hash), size) for direction, layer, size in tiles
-            )
+            picks = [(number, gain) for number, gain in entry.picks_from(place[1]) if entry.tiles[number][1] < LAYERS]
+            least = self._regions.shape.least_gain
+            picks = [pick for n, pick in enumerate(picks) if n == 0 or pick[1] >= least]
+            tiles = [entry.tiles[number] for number, _ in picks] or list(entry.tiles)
+            shows = [gain * entry.tiles[number][2] for number, gain in picks] or [1.0] * len(tiles)
+            keys = tuple(orthoview_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in tiles)
+            shares = tuple(part / sum(shows) for part in shows)
+            sizes = tuple(size for _, _, size in tiles)
+            self._picked[place] = _Values(entry.key, False, keys, sizes, shares, _steps(shares))
         return self._picked[place]
 
-    def _geometry(self, cell: int) -> tuple[tuple[str, int], ...]:
-        """Keys and bytes of what a leaf is drawn from as triangles."""
+    def _geometry(self, cell: int) -> _Values:
+        """What a leaf is drawn from as triangles: nothing less than all of it."""
         entry = self._regions.tree.entries[cell]
         near = entry.geometry
         assert near is not None
-        own = (geometry_key(entry.cell, near.hash), near.bytes)
-        return (own, *((mesh_key(name), size) for name, size in near.meshes))
+        keys = (geometry_key(entry.cell, near.hash), *(mesh_key(name) for name, _ in near.meshes))
+        sizes = (near.bytes, *(size for _, size in near.meshes))
+        return _Values(entry.key, True, keys, sizes, (), (len(keys),))
+
+
+def _steps(shares: Sequence[float]) -> tuple[int, ...]:
+    """How many tiles, best first, show each of SHOWN of the whole."""
+    reached = np.cumsum(shares)
+    return tuple(sorted({int(np.argmax(reached >= share - 1e-6)) + 1 for share in SHOWN}))
 
 
 def _distances(boxes: Floats, eyes: Floats) -> Floats:

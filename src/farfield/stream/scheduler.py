@@ -60,6 +60,7 @@ class Scheduler:
         self._offers: Offers | None = None
         self._counts: list[int] = []
         self._open = np.zeros(0, bool)
+        self._sizes = np.zeros(0, np.int64)
         self._late = False
         self._held = self._visible = np.zeros((0, 0), np.float32)
         self._seconds = self._benefits = self._rates = np.zeros(0)
@@ -73,13 +74,14 @@ class Scheduler:
         self._counts = [len(one.sizes) for one in found]
         self._offers = joined(found)
         self._open = np.ones(len(self._offers.sizes), bool)
+        self._sizes = self._offers.sizes.copy()
         self._held = np.zeros(outlook.visible.shape, np.float32)
         for kind in self._kinds:
             kind.shown(outlook, self._held)
         self._visible = outlook.visible
         if self._importance is not None:
             self._visible = outlook.visible * self._importance[:, None]
-        self._seconds = self._offers.sizes / self.link.bandwidth + OVERHEAD
+        self._seconds = self._sizes / self.link.bandwidth + OVERHEAD
         self._late = False
         self._benefits, self._rates = np.zeros((2, len(self._seconds)))
         self._renew(np.arange(len(self._seconds)), self._before(now))
@@ -100,7 +102,7 @@ class Scheduler:
             self._late = True
             self._renew(np.arange(len(self._rates)), before)
             best = self._leading(before)
-        return self._chosen(self._offers, best) if self._rates[best] > 0 else None
+        return self._chosen(self._offers, best, before) if self._rates[best] > 0 else None
 
     def _leading(self, before: float) -> int:
         """The item that adds most for its time.
@@ -160,16 +162,26 @@ class Scheduler:
         """Whether two items show a common object."""
         return bool(np.isin(offers.objects[offers.uses(one)], offers.objects[offers.uses(other)]).any())
 
-    def _chosen(self, offers: Offers, item: int) -> Choice:
-        benefit, seconds = float(self._benefits[item]), float(self._seconds[item])
-        self._open[item] = False
-        self._benefits[item] = self._rates[item] = 0.0
+    def _chosen(self, offers: Offers, item: int, before: float) -> Choice:
+        benefit, seconds, size = float(self._benefits[item]), float(self._seconds[item]), int(self._sizes[item])
         uses = offers.uses(item)
         shown = offers.objects[uses]
         self._held[shown] = np.maximum(self._held[shown], offers.accuracy[uses])
+        self._shrink(offers, item, before)
         number, kind = item, 0
         while number >= self._counts[kind]:
             number -= self._counts[kind]
             kind += 1
         chosen = self._kinds[kind]
-        return Choice(chosen, chosen.take(number), int(offers.sizes[item]), benefit, seconds)
+        return Choice(chosen, chosen.take(number), size, benefit, seconds)
+
+    def _shrink(self, offers: Offers, item: int, before: float) -> None:
+        """What is sent needs not be sent again, as a part of what is larger."""
+        assert offers.series is not None
+        same = np.flatnonzero(offers.series == offers.series[item])
+        larger = same[self._sizes[same] > self._sizes[item]]
+        self._open[same] = False
+        self._open[larger] = True
+        self._sizes[larger] -= self._sizes[item]
+        self._seconds[larger] = self._sizes[larger] / self.link.bandwidth + OVERHEAD
+        self._renew(same, before)

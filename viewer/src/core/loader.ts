@@ -211,13 +211,15 @@ export class Loader {
   /** Starts requests to one server. */
   private ask(server: Server, wants: readonly Want[], { ahead, requests, values }: Limits): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
-    let free = requests - asked.length;
+    const room = this.link.isKnown ? Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES) : ASKED_AT_FIRST;
+    const limit = Math.min(ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES, room / SHARES);
+    // On a slow link more requests would not come sooner, but all of them late.
+    const enough = server.source.batchKeys > 1 ? 1 + Math.ceil((this.link.bandwidth * this.link.latency) / limit) : requests;
+    let free = Math.min(requests, enough) - asked.length;
     if (ahead) free = Math.min(free, REQUESTS_AHEAD - asked.filter((request) => request.ahead).length);
     // What does not fit still comes, one at a time: it may be that all that stands in its way waits for it.
     let alone = !ahead && this.waiting === 0 && !this.isNeededFrom(server);
     let left = values - asked.reduce((sum, { resources }) => sum + resources.length, 0);
-    const room = this.link.isKnown ? Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES) : ASKED_AT_FIRST;
-    const limit = Math.min(ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES, room / SHARES);
     let large = (ahead ? 1 : LARGE_REQUESTS) - asked.filter(({ resources }) => resources.some(isLarge)).length;
     for (let next = 0; server.reachable && free > 0 && left > 0 && this.loading.size + this.waiting < UNDER_WAY; free--) {
       if (this.smallUnderWay() >= room) return;

@@ -5,7 +5,8 @@ import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
 import type { Vector3 } from "./vector.js";
-import { tilesWanted, type ViewChoice } from "./views.js";
+import { BLUR } from "./stream/accuracy.js";
+import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** Where the eye is and what it asks for. */
 export interface PlanView {
@@ -57,6 +58,7 @@ class Planner {
   private readonly pictures: PictureDraw[] = [];
   private readonly geometry: CellGeometry[] = [];
   private readonly roles = new Map<Cell, Role>();
+  private readonly shares = new Map<Cell, number>();
   private standIns = 0;
 
   constructor(
@@ -82,9 +84,9 @@ class Planner {
     if (role === "left out") return COVERED;
     if (role === "geometry" && this.drawGeometry(cell)) return COVERED;
     if (role && cell.views.size === 0) return role === "geometry" && cell.geometry ? HOLE : COVERED;
-    if (role) return this.draw(cell, HOLE) ? COVERED : this.retain(cell);
-    const holes = joinHoles((cell.children ?? []).map((child) => [child.octant, this.place(child)] as const));
-    return holes !== COVERED && this.draw(cell, holes) ? COVERED : holes;
+    if (role && this.draw(cell, HOLE)) return COVERED;
+    const holes = role ? this.retain(cell) : joinHoles((cell.children ?? []).map((child) => [child.octant, this.place(child)] as const));
+    return holes !== COVERED && (this.draw(cell, holes) || this.drawPartly(cell, holes)) ? COVERED : holes;
   }
 
   /** Keeps what is held below a cell of the cut that is not there yet; returns where nothing is. */
@@ -105,7 +107,7 @@ class Planner {
    * drawn from the last time and what has come.
    */
   private draw(cell: Cell, holes: Holes): boolean {
-    const wanted = tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
+    const wanted = this.wanted(cell);
     if (wanted.length === 0) return false;
     const there = wanted.filter(({ held }) => held);
     if (there.length === wanted.length) cell.shown = wanted;
@@ -114,9 +116,35 @@ class Planner {
     return true;
   }
 
+  /** Draws a cell for its `holes` from those of its tiles that are held, if nothing above it shows more. */
+  private drawPartly(cell: Cell, holes: Holes): boolean {
+    const share = this.heldShare(cell);
+    if (share === 0) return false;
+    for (let above = cell.parent; above; above = above.parent) {
+      if (this.heldShare(above) > share * (1 + BLUR * (above.level - cell.level))) return false;
+    }
+    this.drawWhatIsThere(cell, holes);
+    return true;
+  }
+
+  /** How much of what a cell's tiles show is shown by those that are held. */
+  private heldShare(cell: Cell): number {
+    const known = this.shares.get(cell);
+    if (known !== undefined) return known;
+    const wanted = this.wanted(cell);
+    const shares = sharesOf(cell, wanted, this.view.eye);
+    const share = wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
+    this.shares.set(cell, share);
+    return share;
+  }
+
+  private wanted(cell: Cell): readonly Resource[] {
+    return tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
+  }
+
   /** The last resort, where no ancestor is left to stand in: the tiles that are held, complete or not. */
   private drawWhatIsThere(cell: Cell, holes: Holes): void {
-    const tiles = tilesWanted(cell, this.directions, this.view.eye, this.view.choice).filter(({ held }) => held);
+    const tiles = this.wanted(cell).filter(({ held }) => held);
     if (tiles.length > 0) this.add(cell, tiles, holes);
   }
 

@@ -34,6 +34,17 @@ export function tilesWanted(cell: Cell, directions: ReadonlyMap<number, Directio
   return views.flatMap(({ layers }) => layers.filter((layer, number) => layer !== undefined && number < choice.layers));
 }
 
+/** How much of what all the tiles that are wanted of a cell show is shown by each; the sum is 1. */
+export function sharesOf(cell: Cell, wanted: readonly Resource[], eye: Vector3): readonly number[] {
+  const picks = cell.picks[viewBin(middleOf(cell.bounds), eye)] ?? [];
+  const shows = wanted.map((tile) => {
+    const pick = picks.find((one) => one.tile === tile);
+    return pick ? pick.gain * tile.bytes : 0;
+  });
+  const sum = shows.reduce((all, one) => all + one, 0);
+  return sum > 0 ? shows.map((one) => one / sum) : wanted.map(() => 1 / wanted.length);
+}
+
 function picked(picks: readonly Pick[], { layers, leastGain }: ViewChoice): Resource[] {
   return picks
     .filter(({ layer }) => layer < layers)

@@ -15,6 +15,8 @@ export interface Offer<Item> {
   readonly size: number;
   /** What it shows. */
   readonly uses: readonly Use[];
+  /** Of offers with the same, each larger one holds all that the smaller ones do. */
+  readonly series: object;
 }
 
 /** What there is to be seen, and ways to show it; the twin of `farfield.stream.offers`. */

@@ -2,7 +2,7 @@ import type { Cell } from "../cell.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
 import { distanceTo, type Box, type Vector3 } from "../vector.js";
-import { tilesWanted, type ViewChoice } from "../views.js";
+import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { pictureAccuracy } from "./accuracy.js";
 import type { Prediction } from "./motion.js";
 import type { Offer, Offering, Use } from "./offers.js";
@@ -12,6 +12,8 @@ import type { Outlook } from "./outlook.js";
 const AHEAD = 8;
 /** Places on that way. */
 const STEPS = 4;
+/** Shares of a cell for which its best tiles are offered. */
+const SHOWN = [0.25, 0.5, 0.75, 0.9, 1];
 
 /** Pictures or geometry of a cell. */
 export interface Part {
@@ -40,7 +42,7 @@ export interface CellsView {
 
 /**
  * Cells by their pictures and as geometry, and those above them, as things to fetch; the twin of `farfield.stream.pictures`. A cell
- * is shown once all the tiles that are wanted of it are there.
+ * is offered by the first of the tiles that are wanted of it, as far as some shares of what all of them show.
  */
 export class Pictures implements Offering<Part> {
   private cells: readonly Cell[] = [];
@@ -75,25 +77,54 @@ export class Pictures implements Offering<Part> {
       }
     });
     const found: { offers: Offer<Part>[]; shown: Use[] } = { offers: [], shown: [] };
-    for (const [cell, shows] of uses) this.add(found, cell, false, this.tiles(cell, outlook.eyes[0]!), shows);
-    for (const [cell, shows] of geometry) this.add(found, cell, true, [cell.geometry!.leaf, ...cell.geometry!.meshes], [shows]);
+    for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
+    for (const [cell, shows] of geometry) this.addGeometry(found, cell, shows);
     return found;
   }
 
-  /** Offers what is not complete, unless a part of it cannot be had; of what is complete takes note. */
-  private add(
-    { offers, shown }: { offers: Offer<Part>[]; shown: Use[] }, cell: Cell, isGeometry: boolean, parts: readonly Resource[], uses: readonly Use[],
-  ): void {
-    if (parts.some(this.view().lacks)) return;
-    const resources = parts.filter(({ state }) => state === "absent");
-    if (resources.length === 0) shown.push(...uses);
-    else offers.push({ item: { cell, isGeometry, resources }, size: resources.reduce((sum, { bytes }) => sum + bytes, 0), uses });
+  /** Offers what is not there of a cell's tiles, in steps, as far as it can be had; takes note of what is. */
+  private addPictures({ offers, shown }: { offers: Offer<Part>[]; shown: Use[] }, cell: Cell, eye: Vector3, uses: readonly Use[]): void {
+    const { directions, choice, lacks } = this.view();
+    const tiles = tilesWanted(cell, directions, eye, choice);
+    const shares = sharesOf(cell, tiles, eye);
+    const held = tiles.reduce((sum, { state }, n) => sum + (state === "absent" || state === "bad" ? 0 : shares[n]!), 0);
+    if (held > 0) shown.push(...scaled(uses, held));
+    const absent = tiles.filter((tile) => tile.state === "absent" && !lacks(tile));
+    const series = {};
+    let count = 0;
+    for (const end of steps(shares)) {
+      const resources = absent.filter((tile) => tiles.indexOf(tile) < end);
+      if (resources.length === count) continue;
+      count = resources.length;
+      const whole = count === absent.length && absent.length === tiles.filter(({ state }) => state === "absent").length;
+      const reached = whole ? 1 : resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, held);
+      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses: scaled(uses, reached), series });
+    }
   }
 
-  private tiles(cell: Cell, eye: Vector3): readonly Resource[] {
-    const { directions, choice } = this.view();
-    return tilesWanted(cell, directions, eye, choice);
+  /** Offers what is not there of a leaf's geometry, unless a part of it cannot be had: it is all or nothing. */
+  private addGeometry({ offers, shown }: { offers: Offer<Part>[]; shown: Use[] }, cell: Cell, uses: Use): void {
+    const parts = [cell.geometry!.leaf, ...cell.geometry!.meshes];
+    if (parts.some(this.view().lacks)) return;
+    const resources = parts.filter(({ state }) => state === "absent");
+    if (resources.length === 0) shown.push(uses);
+    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], series: {} });
   }
+}
+
+function scaled(uses: readonly Use[], factor: number): Use[] {
+  return uses.map(({ object, accuracy }) => ({ object, accuracy: accuracy.map((one) => factor * one) }));
+}
+
+function bytesOf(resources: readonly Resource[]): number {
+  return resources.reduce((sum, { bytes }) => sum + bytes, 0);
+}
+
+/** How many tiles, best first, show each of SHOWN of the whole. */
+function steps(shares: readonly number[]): Set<number> {
+  let sum = 0;
+  const reached = shares.map((share) => (sum += share));
+  return new Set(SHOWN.map((share) => reached.findIndex((one) => one >= share - 1e-6) + 1));
 }
 
 function regions({ roots, radius, near }: CellsView, eyes: readonly Vector3[]): Cell[] {

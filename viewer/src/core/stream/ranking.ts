@@ -1,6 +1,6 @@
 import type { Cell } from "../cell.js";
 import { seesBox, type Frustum } from "../frustum.js";
-import type { Resource } from "../resource.js";
+import type { Resource, ResourceState } from "../resource.js";
 import type { Sizes } from "../sizes.js";
 import { farthestIn, type Vector3 } from "../vector.js";
 import { byUrgency, isNeeded, URGENCY, type Want } from "../wants.js";
@@ -21,6 +21,7 @@ export interface RankedView extends CellsView {
 /** Puts what is wanted in the order in which it adds most to the pictures to come for the time that it takes (BEN 5). */
 export class Ranking {
   private view: RankedView | null = null;
+  private ranked: ReadonlyMap<Resource, Want> = new Map();
   private readonly scheduler: Scheduler<Part>;
 
   constructor(link: Link, private readonly sizes: Sizes) {
@@ -31,8 +32,10 @@ export class Ranking {
   rank(wants: readonly Want[], view: RankedView, viewing: Viewing, budget: number): Want[] {
     this.view = view;
     this.scheduler.follow(viewing, viewing.time);
-    const ranked = new Map<Resource, Want>();
+    // What is under way is chosen no more, and is wanted as long as it is seen.
+    const ranked = new Map([...this.ranked].filter(([{ state, cell }]) => isComing(state) && cell !== null && this.isSeen(cell)));
     for (const choice of this.scheduler.order(viewing.time)) this.enlist(choice, ranked);
+    this.ranked = ranked;
     const known = new Map(wants.map((want) => [want.resource, want]));
     const needed = [...wants, ...ranked.values()].filter(({ urgency }) => isNeeded(urgency));
     const bytes = [...new Set(needed.map(({ resource }) => resource))].reduce((sum, resource) => sum + this.sizes.of(resource), 0);
@@ -62,4 +65,8 @@ export class Ranking {
     const { roots, eye } = this.view!;
     return roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 1);
   }
+}
+
+function isComing(state: ResourceState): boolean {
+  return state === "loading" || state === "fetched" || state === "ready";
 }

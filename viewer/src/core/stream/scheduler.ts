@@ -14,6 +14,8 @@ const OVERHEAD = 0.002;
 /** What to fetch. */
 export interface Choice<Item> {
   readonly offer: Offer<Item>;
+  /** Bytes that have not been chosen before, as parts of smaller offers. */
+  readonly size: number;
   /** What it adds, pixel seconds. */
   readonly benefit: number;
   /** What it costs: seconds for which the link is taken by it. */
@@ -37,7 +39,8 @@ export class Scheduler<Item> {
   private benefits = new Float64Array();
   private rates = new Float64Array();
   private seconds = new Float64Array();
-  private chosen = new Set<number>();
+  private sizes = new Float64Array();
+  private open: boolean[] = [];
   /** Nothing that is left would be there in time. */
   private late = false;
   /** Seconds for which the link is taken by what was chosen. */
@@ -61,11 +64,11 @@ export class Scheduler<Item> {
     this.held = new Float64Array(boxes.length * intervals);
     for (const { object, accuracy } of shown) this.raise(object, accuracy);
     this.offers = offers;
-    this.chosen = new Set();
+    this.open = offers.map(() => true);
     this.taken = 0;
     this.late = false;
-    const { bandwidth } = this.link();
-    this.seconds = Float64Array.from(offers, ({ size }) => size / bandwidth + OVERHEAD);
+    this.sizes = Float64Array.from(offers, ({ size }) => size);
+    this.seconds = this.sizes.map((size) => this.secondsOf(size));
     this.benefits = new Float64Array(offers.length);
     this.rates = new Float64Array(offers.length);
     this.renewAll(this.before(now));
@@ -85,7 +88,7 @@ export class Scheduler<Item> {
       this.renewAll(before);
       best = this.leading(before);
     }
-    return this.rates[best]! > 0 ? this.take(best) : null;
+    return this.rates[best]! > 0 ? this.take(best, before) : null;
   }
 
   /** All that adds something, in the order in which it should come. */
@@ -95,7 +98,7 @@ export class Scheduler<Item> {
       const choice = this.next(now);
       if (!choice) break;
       found.push(choice);
-      this.taken += choice.offer.size / this.link().bandwidth;
+      this.taken += choice.size / this.link().bandwidth;
     }
     return found;
   }
@@ -124,7 +127,7 @@ export class Scheduler<Item> {
   }
 
   private renew(n: number, before: number): void {
-    this.benefits[n] = this.chosen.has(n) ? 0 : this.added(n, this.late ? 0 : before + this.seconds[n]!);
+    this.benefits[n] = !this.open[n] ? 0 : this.added(n, this.late ? 0 : before + this.seconds[n]!);
     this.rates[n] = this.benefits[n]! / this.seconds[n]!;
   }
 
@@ -168,13 +171,26 @@ export class Scheduler<Item> {
     return this.offers[other]!.uses.some(({ object }) => objects.has(object));
   }
 
-  private take(n: number): Choice<Item> {
+  private take(n: number, before: number): Choice<Item> {
     const offer = this.offers[n]!;
-    const choice = { offer, benefit: this.benefits[n]!, seconds: this.seconds[n]! };
+    const size = this.sizes[n]!;
+    const choice = { offer, size, benefit: this.benefits[n]!, seconds: this.seconds[n]! };
     for (const { object, accuracy } of offer.uses) this.raise(object, accuracy);
-    this.chosen.add(n);
-    this.benefits[n] = this.rates[n] = 0;
+    // What is chosen needs not come again, as a part of what is larger.
+    this.offers.forEach(({ series }, other) => {
+      if (series !== offer.series) return;
+      this.open[other] = this.sizes[other]! > size;
+      if (this.open[other]) {
+        this.sizes[other]! -= size;
+        this.seconds[other] = this.secondsOf(this.sizes[other]!);
+      }
+      this.renew(other, before);
+    });
     return choice;
+  }
+
+  private secondsOf(size: number): number {
+    return size / this.link().bandwidth + OVERHEAD;
   }
 
   private raise(object: number, accuracy: readonly number[]): void {
