@@ -102,7 +102,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         bake(town(), store, BakeOptions(leaf_size=16.0, resolution=64, directions="9", workers=1))
         camera = Camera((-40.0, -42.0, 8.0), (0.0, 0.0, 2.0))
         stand = Stand(town(), store, camera, Path(folder) / "truth.png", OPTIONS | {"nearRadius": 20}, (160, 120))
-        return {"town": compared(browser, [stand], BANDWIDTH / 20, (1.0, 3.0))}
+        return {"town": compared(browser, [stand], BANDWIDTH / 10, (1.0, 2.5, 15.0))}
 
 
 def figures(names: Sequence[str], bandwidth: float, data: Path, pictures: Path | None = None) -> dict[str, Any]:
@@ -121,7 +121,11 @@ def figures(names: Sequence[str], bandwidth: float, data: Path, pictures: Path |
 
 
 def compared(
-    browser: Browser, stands: Sequence[Stand], bandwidth: float, looked_at: Sequence[float], pictures: Path | None = None
+    browser: Browser,
+    stands: Sequence[Stand],
+    bandwidth: float,
+    looked_at: Sequence[float],
+    pictures: Path | None = None,
 ) -> dict[str, Any]:
     """Means over places, by order and second; and how much lower FLIP is by benefit."""
     rows: dict[str, list[dict[str, Any]]] = {order: [] for order in ORDERS}

@@ -15,7 +15,7 @@ from farfield.cli.bench import FOLDER, PREFIX
 NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}*.py"))
 
 
-ALONE = ("mesh_levels", "page", "steady", "webgpu")
+ALONE = ("mesh_levels", "page", "standing", "steady", "webgpu")
 IN_A_BROWSER = ("bandwidth", "culling", "flight", "frames", "growth", "light", *ALONE)
 
 
@@ -42,6 +42,17 @@ def test_steadiness_in_small() -> None:
     without, fading = _in_a_process("steady")["town"].values()
     assert 0 < fading["moved"] < without["moved"]
     assert fading["psnr"] > without["psnr"] - 1.5
+
+
+@pytest.mark.browser
+def test_standing_in_small() -> None:
+    """What adds most for its bytes comes first, and in the end all is there either way."""
+    town = _in_a_process("standing")["town"]
+    nearest, benefit = town["nearest"], town["benefit"]
+    middle, last = list(nearest["flip"])[1:3]
+    assert benefit["flip"][middle] < 1.05 * nearest["flip"][middle]
+    assert benefit["flip"][last] < 1.2 * nearest["flip"][last]
+    assert 0 < benefit["complete"] < 2 * nearest["complete"]
 
 
 @pytest.mark.browser

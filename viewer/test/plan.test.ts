@@ -67,6 +67,19 @@ describe("makePlan", () => {
     expect(plan(root, far(3)).pictures[0]!.tiles).toEqual([a, b, c]);
   });
 
+  it("draws a cell from what has come of it as soon as nothing above it shows more", () => {
+    const { root, cells } = makeWorld();
+    const leaf = cells.get("0/0/0/0")!;
+    const wanted = (cell: typeof leaf) => tilesOf(cell).slice(0, 2);
+    hold(wanted(leaf).slice(0, 1));
+    expect(drawn(plan(root))).toEqual(["0/0/0/0"]);
+    // Half of the root two levels up shows less than half of the leaf, the whole root shows more.
+    hold(wanted(root).slice(0, 1));
+    expect(drawn(plan(root))).toEqual(["0/0/0/0", "2/0/0/0"]);
+    hold(wanted(root).slice(1));
+    expect(drawn(plan(root))).toEqual(["2/0/0/0"]);
+  });
+
   it("draws near leaves as geometry when it is there, else from pictures", () => {
     const { root, cells } = makeWorld();
     const near = { near: 0.1 };
