@@ -4,8 +4,8 @@
     python benchmarks/bench_standing.py [SCENE ...] [--bandwidth BYTES] [--pictures DIR] [--data DIR]
 
 The real page at 640 x 480, near geometry and all, from an empty cache, on a clock that its frames move on (flights.py):
-250 kB/s and a round trip of 40 ms. FLIP and PSNR of what is on the screen to the true picture (16 samples a pixel) after
-some seconds, with what adds most for its bytes fetched first (option `benefit`) and with what is nearest first; and
+250 kB/s and a round trip of 40 ms. FLIP and PSNR of what is on the screen to the true picture (16 samples a pixel)
+after some seconds, with what adds most for its bytes fetched first (option `benefit`) and with what is nearest first; and
 when the picture was complete. From the street, from a roof and as birds see it. Quick: the town of the tests.
 """
 
@@ -63,7 +63,8 @@ ORDERS = {"nearest": False, "benefit": True}
 OPTIONS = {"frameMs": 0, "fade": 0, "uploadBytes": 1 << 30, "cacheBytes": 2 << 30}
 """Of the page, beside its defaults: what is there is shown at once."""
 PLACES = {
-    "tokyo": (((401, 1693, 1.7), (250, 1500, 12)), ((192, 1388, 60), (400, 1500, 20)), ((-100, 1000, 350), (250, 1450, 0))),
+    "tokyo": (((401, 1693, 1.7), (250, 1500, 12)), ((192, 1388, 60), (400, 1500, 20)),
+              ((-100, 1000, 350), (250, 1450, 0))),
     "forest": (((-60, -60, 1.7), (0, 0, 3)), ((-90, -90, 25), (0, 0, 8)), ((-110, -110, 90), (0, 0, 0))),
     "statues": (((-9, -9, 0.5), (0, 0, 0.5)), ((-10, -10, 2.5), (0, 0, 0.5)), ((-14, -14, 10), (0, 0, 0))),
 }  # fmt: skip
