@@ -5,8 +5,8 @@
 
 The real page at 640 x 480, near geometry and all, from an empty cache, on a clock that its frames move on (flights.py):
 250 kB/s and a round trip of 40 ms. FLIP and PSNR of what is on the screen to the true picture (16 samples a pixel)
-after some seconds, with what adds most for its bytes fetched first (option `benefit`) and with what is nearest first; and
-when the picture was complete. From the street, from a roof and as birds see it. Quick: the town of the tests.
+after some seconds, with what adds most for its bytes fetched first (option `benefit`) and with what is nearest first;
+and when the picture was complete. From the street, from a roof and as birds see it. Quick: the town of the tests.
 """
 
 from __future__ import annotations
