@@ -30,7 +30,7 @@ ORDER = [
 """Part of the package → what it may import: the parts in earlier lines, and itself. A folder in a part may have a line
 of its own."""
 
-BESIDE = {("view", "quality")}
+BESIDE = {("view", "quality"), ("serve", "stream")}
 """Imports between parts of one line that may be."""
 
 LONGEST = 500

@@ -92,3 +92,7 @@ class DamagedValueError(StoreError, CorruptTileError):
 
 class ServeError(FarfieldError):
     """The server could not be started."""
+
+
+class ProtocolError(FarfieldError):
+    """A viewer says what nobody may say in a session; that session ends."""

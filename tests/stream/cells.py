@@ -30,7 +30,7 @@ def flat_tree(height: float = 4.0) -> CellTree:
 
 
 def _entry(key: CellKey, height: float) -> CellEntry:
-    lower, upper = GRID.bounds(key)
+    lower, upper = GRID.bounds(key).tolist()
     picks = tuple(write_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)]) for n in _starts())
     entry = CellEntry(
         key=str(key),

@@ -10,13 +10,15 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import Route
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from farfield.errors import MissingKeyError, StoreError
 from farfield.serve.batch import batch_response
 from farfield.serve.events import GenerationFeed, events_response
 from farfield.serve.public import is_page_key, is_world_key
+from farfield.serve.push.endpoint import Push, PushLimits
+from farfield.serve.push.messages import PATH
 from farfield.serve.served import Served
 from farfield.serve.throttle import Link, Throttle
 from farfield.serve.values import value_response
@@ -45,10 +47,10 @@ _NO_VIEWER = "The viewer is not built into this farfield. In a clone of the repo
 _log = logging.getLogger("farfield.serve")
 
 
-def create_app(world: Store, page: Store, link: Link | None = None) -> ASGIApp:
+def create_app(world: Store, page: Store, link: Link | None = None, limits: PushLimits | None = None) -> ASGIApp:
     """The application that serves `world` and the viewer's files in `page`.
 
-    link: what its answers go through; None for nothing that would slow them.
+    link: what its answers go through; None for nothing that would slow them. limits: of its sessions.
     """
 
     served = Served(world)
@@ -63,7 +65,9 @@ def create_app(world: Store, page: Store, link: Link | None = None) -> ASGIApp:
     async def events(request: Request) -> Response:
         return events_response(feed, request)
 
-    routes = [
+    push = Push(served, limits or PushLimits(), (link or Link()).clock.now)
+    routes: list[BaseRoute] = [
+        WebSocketRoute(PATH, push.serve),
         Route("/batch", batch, methods=["GET", "POST"]),
         Route("/events", events, methods=["GET"]),
         Route("/{key:path}", value, methods=["GET"]),

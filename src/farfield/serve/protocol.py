@@ -6,6 +6,7 @@ import asyncio
 import socket
 import struct
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 STALL_SECONDS = 30.0
@@ -24,12 +25,18 @@ class WatchedProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """See asyncio.Protocol."""
         super().connection_made(transport)
+        self._is_session = False
         self._seen: object = None
         self._seen_at = self.loop.time()
         self._watch()
 
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """See uvicorn. Sessions end those that say nothing by themselves."""
+        self._is_session = True
+        super().handle_websocket_upgrade(event)
+
     def _watch(self) -> None:
-        if self.transport.is_closing():
+        if self.transport.is_closing() or self._is_session:
             return
         busy = self.cycle is not None and not self.cycle.response_complete
         waiting = self.transport.get_write_buffer_size()

@@ -21,6 +21,8 @@ from farfield.errors import OptionError, ServeError
 from farfield.serve.app import create_app
 from farfield.serve.clock import Clock, WallClock
 from farfield.serve.protocol import STALL_SECONDS, WatchedProtocol
+from farfield.serve.push.endpoint import PushLimits
+from farfield.serve.push.messages import MAX_MESSAGE
 from farfield.serve.throttle import Link
 from farfield.serve.viewer_files import page_store
 from farfield.store import Store
@@ -61,6 +63,9 @@ class ServeOptions:
 
     open_browser: bool = False
     """Open the page once the server is there."""
+
+    sessions: PushLimits = field(default_factory=PushLimits)
+    """What sessions may take."""
 
     stall_seconds: float = STALL_SECONDS
     """After which a client that neither asks nor takes is let go."""
@@ -149,9 +154,10 @@ class _Server(uvicorn.Server):
             raise OptionError(f"must be 0 to {1000 * MAX_DELAY:.0f} milliseconds", "--delay")
         protocol = type("Protocol", (WatchedProtocol,), {"stall_seconds": options.stall_seconds})
         config = uvicorn.Config(
-            create_app(world, page_store(), Link(bandwidth, options.delay, options.clock)),
+            create_app(world, page_store(), Link(bandwidth, options.delay, options.clock), options.sessions),
             http=protocol,
-            ws="none",
+            ws="websockets-sansio",
+            ws_max_size=MAX_MESSAGE,
             lifespan="off",
             log_level="error",
             access_log=False,

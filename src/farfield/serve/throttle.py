@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -65,12 +66,38 @@ class Throttle:
         self._slice = max(512, int(min(rate / SLICES_A_SECOND, 64 * 1024)))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket":
+            await self._slow_session(scope, receive, send)
+            return
         if scope["type"] != "http" or scope["path"] == UNENDING:
             await self._app(scope, receive, send)
             return
         with self._link.clock.answering():
             await self._link.clock.sleep(self._link.delay)
             await self._app(scope, receive, self._slowed(send))
+
+    async def _slow_session(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """What a session sends is taken at once, as by the buffers of a socket, and leaves as fast as the link does."""
+        clock, waiting = self._link.clock, asyncio.Queue[tuple[float, Message]]()
+
+        async def slow_send(message: Message) -> None:
+            size = len(message.get("bytes") or b"") + len(message.get("text") or "")
+            await waiting.put((clock.now() + self._bucket.reserve(size) + self._link.delay, message))
+
+        async def leave() -> None:
+            while True:
+                due, message = await waiting.get()
+                await clock.sleep(max(due - clock.now(), 0.0))
+                await send(message)
+                waiting.task_done()
+
+        leaving = asyncio.create_task(leave())
+        try:
+            await self._app(scope, receive, slow_send)
+            await asyncio.wait({leaving, asyncio.create_task(waiting.join())}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            leaving.cancel()
+            await asyncio.gather(leaving, return_exceptions=True)
 
     def _slowed(self, send: Send) -> Send:
         async def slow_send(message: Message) -> None:

@@ -109,6 +109,7 @@ class Pictures:
         self._regions = regions
         self._items: list[SentCell] = []
         self._there = Offers.none(0)
+        self._useful: set[tuple[str, bool]] = set()
         self._picked: dict[tuple[int, int], _Values] = {}
 
     def offers(self, outlook: Outlook) -> Offers:
@@ -143,6 +144,10 @@ class Pictures:
         self.held.update(found.keys)
         return found
 
+    def is_useful(self, item: SentCell) -> bool:
+        """Whether it would still show something, as of the last offers."""
+        return (item.cell, item.is_geometry) in self._useful
+
     def keep(self, keys: Collection[str]) -> None:
         """The viewer has these and nothing else."""
         self.held = set(keys)
@@ -176,6 +181,7 @@ class Pictures:
         """Offers what is not complete, in steps; and takes note of what the viewer shows by what it has."""
         whole = Offers(np.zeros(len(values), np.int64), firsts, objects, accuracy)
         self._items = []
+        self._useful = {(one.cell, one.is_geometry) for one in values}
         sizes: list[int] = []
         of: list[int] = []
         reached: list[float] = []

@@ -1,0 +1,172 @@
+"""Sessions over WebSocket: who may begin one, what it may say, and how it ends (spec/stream.md)."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from starlette.concurrency import run_in_threadpool
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from farfield.errors import FarfieldError, ProtocolError
+from farfield.serve.public import MANIFEST, tag_of
+from farfield.serve.push.messages import Hello, Welcome, read, write
+from farfield.serve.served import Served
+from farfield.store import Store
+
+if TYPE_CHECKING:
+    from farfield.serve.push.session import Sendable, Session
+
+HELLO_SECONDS = 10.0
+"""In which the first message comes, or the session ends."""
+BAD, TOO_MUCH, TRY_LATER, FAILED = 1008, 1009, 1013, 1011
+"""Codes of a close: against the rules, too large or too many, no session is free, the world cannot be read."""
+
+_log = logging.getLogger("farfield.serve")
+
+
+@dataclass(frozen=True, slots=True)
+class PushLimits:
+    """What sessions may take."""
+
+    sessions: int = 200
+    """At once."""
+    idle_seconds: float = 60.0
+    """Without a message a session ends; viewers say where they are every 20 s at least."""
+    messages: float = 100.0
+    """A second, on average over ten."""
+    token: str = ""
+    """What viewers must say to begin a session; empty: nothing."""
+
+
+class Push:
+    """All sessions of a world."""
+
+    def __init__(self, world: Served, limits: PushLimits, now: Callable[[], float]) -> None:
+        self.sessions = 0
+        """How many there are now."""
+        self._limits = limits
+        self._now = now
+        self._world = world
+        self._lock = asyncio.Lock()
+        self._tag = ""
+        self._sendable: Sendable | None = None
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One connection, from its beginning to its end; whatever goes wrong ends that session alone."""
+        await socket.accept()
+        if self.sessions >= self._limits.sessions:
+            await _close(socket, TRY_LATER, "too many sessions")
+            return
+        self.sessions += 1
+        try:
+            await self._begin(socket)
+        except WebSocketDisconnect:
+            return
+        except ProtocolError as error:
+            await _close(socket, BAD, str(error))
+        except FarfieldError as error:
+            _log.warning("%s", error)
+            await _close(socket, FAILED, "the world cannot be read")
+        finally:
+            self.sessions -= 1
+
+    async def _begin(self, socket: WebSocket) -> None:
+        said = _Said(socket, self._limits, self._now)
+        hello = read(await said.next(HELLO_SECONDS))
+        if not isinstance(hello, Hello):
+            raise ProtocolError("the first message is no hello")
+        if self._limits.token and not hmac.compare_digest(hello.token.encode(), self._limits.token.encode()):
+            raise ProtocolError("the token is another")
+        # With the first session: the scheduler's kernels take a second to load.
+        from farfield.serve.push.session import Session
+
+        world = await self._current()
+        session = Session(world, _sender(socket), self._now)
+        # What a viewer has of another generation may be of no use, and does no harm.
+        session.hold(hello.holds)
+        await socket.send_text(write(Welcome(world.generation)))
+        sending = asyncio.create_task(session.send())
+        try:
+            await self._listen(said, session, sending)
+        finally:
+            sending.cancel()
+            await asyncio.gather(sending, return_exceptions=True)
+
+    async def _listen(self, said: _Said, session: Session, sending: asyncio.Task[None]) -> None:
+        while True:
+            heard = asyncio.create_task(said.next(self._limits.idle_seconds))
+            await asyncio.wait({heard, sending}, return_when=asyncio.FIRST_COMPLETED)
+            if sending.done():
+                heard.cancel()
+                await asyncio.gather(heard, return_exceptions=True)
+                # Ends by an error alone.
+                sending.result()
+            message = read(await heard)
+            session.take(message)
+
+    async def _current(self) -> Sendable:
+        """The world as it is now; its index is read once for all sessions."""
+        async with self._lock:
+            store = await run_in_threadpool(self._world.now)
+            tag = tag_of(await run_in_threadpool(store.get, MANIFEST))
+            if self._sendable is None or tag != self._tag:
+                self._sendable, self._tag = await run_in_threadpool(_sendable, store), tag
+            return self._sendable
+
+
+class _Said:
+    """What a viewer says, as fast as it may."""
+
+    def __init__(self, socket: WebSocket, limits: PushLimits, now: Callable[[], float]) -> None:
+        self._socket = socket
+        self._limits = limits
+        self._now = now
+        self._free_at = now() - 10.0
+
+    async def next(self, seconds: float) -> str | bytes:
+        """The next message. Raises ProtocolError when none comes, or too many do; WebSocketDisconnect at the end."""
+        try:
+            async with asyncio.timeout(seconds):
+                message = await self._socket.receive()
+        except TimeoutError:
+            raise ProtocolError("nothing was said for too long") from None
+        if message["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(message.get("code", 1000))
+        self._free_at = max(self._free_at, self._now() - 10.0) + 1 / self._limits.messages
+        if self._free_at > self._now():
+            raise ProtocolError("too many messages")
+        text: str | bytes | None = message.get("text")
+        return message["bytes"] if text is None else text
+
+
+def _sendable(store: Store) -> Sendable:
+    from farfield.serve.push.session import Sendable
+    from farfield.stream.tree import CellTree
+    from farfield.world.world import World
+
+    world = World.open(store)
+    return Sendable(store, CellTree.of(world), world.manifest.generation)
+
+
+def _sender(socket: WebSocket) -> Callable[[str | bytes], Awaitable[None]]:
+    async def send(message: str | bytes) -> None:
+        if isinstance(message, str):
+            await socket.send_text(message)
+        else:
+            await socket.send_bytes(message)
+
+    return send
+
+
+async def _close(socket: WebSocket, code: int, reason: str) -> None:
+    """Says why; a viewer that is gone already hears nothing."""
+    try:
+        # 123 bytes are what the protocol has for it.
+        await socket.close(code, reason.encode()[:120].decode(errors="ignore"))
+    except RuntimeError:
+        return
