@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,18 +14,14 @@ from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.motion import Prediction
 from farfield.stream.offers import Offers
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import CellTree
-from farfield.world.keys import geometry_key, mesh_key, orthoview_key
+from farfield.stream.tree import CellTree, CellValues
 
 Floats = NDArray[np.float64]
 AHEAD = 8.0
 """Seconds for which cells are made out fine enough for where the viewer will be."""
 STEPS = 4
 """Places on that way."""
-SHOWN = (0.25, 0.5, 0.75, 0.9, 1.0)
-"""Shares of a cell for which its best tiles are offered."""
 DEFAULT_LEAST_GAIN = 10.0
-LAYERS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,28 +70,6 @@ class Regions:
         return np.asarray(tree.bounds[self.cells])
 
 
-@dataclass(frozen=True, slots=True)
-class _Values:
-    """What shows a cell: its tiles, best first, or its geometry."""
-
-    cell: str
-    is_geometry: bool
-    keys: tuple[str, ...]
-    sizes: tuple[int, ...]
-    """Bytes of each."""
-    shares: tuple[float, ...]
-    """Of what all of them show; the sum is 1. None of geometry, which is shown by all or nothing."""
-    steps: tuple[int, ...]
-    """How many of them are offered together, ascending."""
-
-    def shown_by(self, held: set[str]) -> float:
-        """Share that the viewer has."""
-        there = [key in held for key in self.keys]
-        if self.is_geometry:
-            return float(all(there))
-        return sum(share for share, is_there in zip(self.shares, there, strict=True) if is_there)
-
-
 class Pictures:
     """Pictures of cells and of those above them, and geometry of near leaves, for one viewer.
 
@@ -110,7 +84,6 @@ class Pictures:
         self._items: list[SentCell] = []
         self._there = Offers.none(0)
         self._useful: set[tuple[str, bool]] = set()
-        self._picked: dict[tuple[int, int], _Values] = {}
 
     def offers(self, outlook: Outlook) -> Offers:
         """What is not there yet of the cells that will be seen, and of all above them."""
@@ -125,7 +98,7 @@ class Pictures:
         near = (away[leaves] < regions.near).astype(np.float32)
         first, begins = np.unique(cells, return_index=True)
         values = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
-        values += [self._geometry(int(regions.cells[leaf])) for leaf in leaves]
+        values += [tree.geometry(int(regions.cells[leaf])) for leaf in leaves]
         return self._split(
             values,
             np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)]),
@@ -173,7 +146,7 @@ class Pictures:
 
     def _split(
         self,
-        values: list[_Values],
+        values: list[CellValues],
         firsts: NDArray[np.int64],
         objects: NDArray[np.int32],
         accuracy: NDArray[np.float32],
@@ -201,36 +174,11 @@ class Pictures:
         offers = whole.scaled(np.array(of, np.int64), np.array(reached))
         return replace(offers, sizes=np.array(sizes, np.int64))
 
-    def _pictures(self, cell: int, eye: Floats) -> _Values:
-        """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
-        entry = self._regions.tree.entries[cell]
-        place = cell, view_bin(self._regions.tree.bounds[cell].reshape(2, 3).mean(0), eye)
-        if place not in self._picked:
-            picks = [(number, gain) for number, gain in entry.picks_from(place[1]) if entry.tiles[number][1] < LAYERS]
-            least = self._regions.shape.least_gain
-            picks = [pick for n, pick in enumerate(picks) if n == 0 or pick[1] >= least]
-            tiles = [entry.tiles[number] for number, _ in picks] or list(entry.tiles)
-            shows = [gain * entry.tiles[number][2] for number, gain in picks] or [1.0] * len(tiles)
-            keys = tuple(orthoview_key(entry.cell, direction, layer, entry.hash) for direction, layer, _ in tiles)
-            shares = tuple(part / sum(shows) for part in shows)
-            sizes = tuple(size for _, _, size in tiles)
-            self._picked[place] = _Values(entry.key, False, keys, sizes, shares, _steps(shares))
-        return self._picked[place]
-
-    def _geometry(self, cell: int) -> _Values:
-        """What a leaf is drawn from as triangles: nothing less than all of it."""
-        entry = self._regions.tree.entries[cell]
-        near = entry.geometry
-        assert near is not None
-        keys = (geometry_key(entry.cell, near.hash), *(mesh_key(name) for name, _ in near.meshes))
-        sizes = (near.bytes, *(size for _, size in near.meshes))
-        return _Values(entry.key, True, keys, sizes, (), (len(keys),))
-
-
-def _steps(shares: Sequence[float]) -> tuple[int, ...]:
-    """How many tiles, best first, show each of SHOWN of the whole."""
-    reached = np.cumsum(shares)
-    return tuple(sorted({int(np.argmax(reached >= share - 1e-6)) + 1 for share in SHOWN}))
+    def _pictures(self, cell: int, eye: Floats) -> CellValues:
+        tree = self._regions.tree
+        return tree.pictures(
+            cell, view_bin(tree.bounds[cell].reshape(2, 3).mean(0), eye), self._regions.shape.least_gain
+        )
 
 
 def _distances(boxes: Floats, eyes: Floats) -> Floats:
