@@ -57,6 +57,17 @@ describe("Ranking", () => {
     expect(ranked(ranking, root, { frustum: elsewhere }, BUDGET, 2).some(({ resource, urgency }) => resource === between && isNeeded(urgency))).toBe(false);
   });
 
+  it("keeps its order for a tenth of a second", () => {
+    const { root } = makeWorld();
+    const ranking = new Ranking(new Link(), new Sizes());
+    const first = ranked(ranking, root).map(({ resource }) => resource.key);
+    expect(ranked(ranking, root, {}, BUDGET, 0.05).map(({ resource }) => resource.key)).toEqual(first);
+    const come = first.slice(0, 3);
+    hold([...root.views.values()].flatMap(({ layers }) => layers).filter(({ key }) => come.includes(key)));
+    const next = ranked(ranking, root, {}, BUDGET, 0.2).filter(({ rank }) => rank !== undefined).map(({ resource }) => resource.key);
+    expect(next).not.toContain(come[0]);
+  });
+
   it("asks for nothing that stands in where that and the picture would not fit together", () => {
     const { root } = makeWorld();
     const wants = ranked(new Ranking(new Link(), new Sizes()), root, {}, 1);

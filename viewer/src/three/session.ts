@@ -73,7 +73,7 @@ export class Session {
   private view: PlanView | null = null;
   private ahead = new LookAhead();
   private readonly observer = new Observer();
-  private readonly ranking: Ranking;
+  private ranking: Ranking;
   private lastShown: Shown | null = null;
   /** Since when there has been no complete picture. */
   private lackingSince: number | null = null;
@@ -253,6 +253,7 @@ export class Session {
     this.index.close();
     this.index = next;
     this.ahead = new LookAhead();
+    this.ranking = new Ranking(this.loader.link, this.loader.sizes);
     this.next = this.movedAt = null;
     return { taken: true, wants: null };
   }

@@ -11,6 +11,9 @@ import { Scheduler, type Choice } from "./scheduler.js";
 
 /** Share of the cache up to which what stands in is fetched for the picture: then it and the picture fit together. */
 const ROOM_TO_STAND_IN = 0.7;
+/** Seconds for which an order holds, and how many are put in order: more would not be asked for before the next. */
+const HOLDS_SECONDS = 0.1;
+const RANKED = 128;
 
 /** What a ranking is made for. */
 export interface RankedView extends CellsView {
@@ -22,6 +25,7 @@ export interface RankedView extends CellsView {
 export class Ranking {
   private view: RankedView | null = null;
   private ranked: ReadonlyMap<Resource, Want> = new Map();
+  private rankedAt = -Infinity;
   private readonly scheduler: Scheduler<Part>;
 
   constructor(link: Link, private readonly sizes: Sizes) {
@@ -31,11 +35,8 @@ export class Ranking {
   /** The same wants and, where they help before those do, what can stand in for them. `budget`: bytes of the cache. */
   rank(wants: readonly Want[], view: RankedView, viewing: Viewing, budget: number): Want[] {
     this.view = view;
-    this.scheduler.follow(viewing, viewing.time);
-    // What is under way is chosen no more, and is wanted as long as it is seen.
-    const ranked = new Map([...this.ranked].filter(([{ state, cell }]) => isComing(state) && cell !== null && this.isSeen(cell)));
-    for (const choice of this.scheduler.order(viewing.time)) this.enlist(choice, ranked);
-    this.ranked = ranked;
+    if (viewing.time >= this.rankedAt + HOLDS_SECONDS || viewing.time < this.rankedAt) this.choose(viewing);
+    const { ranked } = this;
     const known = new Map(wants.map((want) => [want.resource, want]));
     const needed = [...wants, ...ranked.values()].filter(({ urgency }) => isNeeded(urgency));
     const bytes = [...new Set(needed.map(({ resource }) => resource))].reduce((sum, resource) => sum + this.sizes.of(resource), 0);
@@ -45,8 +46,17 @@ export class Ranking {
       if (isNeeded(want.urgency)) return { ...want, urgency: URGENCY.seen, ...(own && { rank: own.rank! }) };
       return own && (fits || !isNeeded(own.urgency)) && own.urgency <= want.urgency ? own : want;
     });
-    if (fits) for (const want of ranked.values()) if (!known.has(want.resource)) found.push(want);
+    if (fits) for (const want of ranked.values()) if (!known.has(want.resource) && !want.resource.held) found.push(want);
     return found.sort(byUrgency);
+  }
+
+  private choose(viewing: Viewing): void {
+    this.rankedAt = viewing.time;
+    this.scheduler.follow(viewing, viewing.time);
+    // What is under way is chosen no more, and is wanted as long as it is seen.
+    const ranked = new Map([...this.ranked].filter(([{ state, cell }]) => isComing(state) && cell !== null && this.isSeen(cell)));
+    for (const choice of this.scheduler.order(viewing.time, RANKED)) this.enlist(choice, ranked);
+    this.ranked = ranked;
   }
 
   private enlist({ offer }: Choice<Part>, ranked: Map<Resource, Want>): void {
