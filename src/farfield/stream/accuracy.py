@@ -55,8 +55,8 @@ def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:
 def picture_accuracy(pitch: ArrayLike) -> Floats:
     """Of a cell's pictures against its geometry, by how wide their pixels are on the screen; no part of the thesis.
 
-    pitch: pixels of the screen from one pixel of a picture to the next. By a fit to pictures drawn coarser and coarser
-    of three scenes (docs/performance.md, Streaming).
+    pitch: pixels of the screen from one pixel of a picture to the next. Its form and numbers are guesses: three scenes
+    drawn twice as coarse lost .020 to .026 of FLIP (docs/performance.md, Frames of the page).
     """
     blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
     return np.asarray(PICTURE / (1 + BLUR * blur))

@@ -19,7 +19,7 @@ from farfield.serve.served import Served
 from farfield.store import Store
 
 if TYPE_CHECKING:
-    from farfield.serve.push.session import Sendable, Session
+    from farfield.serve.push.session import Pace, Sendable, Session
 
 HELLO_SECONDS = 10.0
 """In which the first message comes, or the session ends."""
@@ -49,6 +49,7 @@ class Push:
     def __init__(self, world: Served, limits: PushLimits, now: Callable[[], float]) -> None:
         self.sessions = 0
         """How many there are now."""
+        self._pace: Pace | None = None
         self._limits = limits
         self._now = now
         self._world = world
@@ -83,17 +84,20 @@ class Push:
         if self._limits.token and not hmac.compare_digest(hello.token.encode(), self._limits.token.encode()):
             raise ProtocolError("the token is another")
         # With the first session: the scheduler's kernels take a second to load.
-        from farfield.serve.push.session import Session
+        from farfield.serve.push.session import Pace, Session
 
         world = await self._current()
-        session = Session(world, _sender(socket), self._now)
+        pace = self._pace = self._pace or Pace()
+        session = Session(world, _sender(socket), self._now, pace)
         # What a viewer has of another generation may be of no use, and does no harm.
         session.hold(hello.holds)
         await socket.send_text(write(Welcome(world.generation)))
         sending = asyncio.create_task(session.send())
+        pace.sessions += 1
         try:
             await self._listen(said, session, sending)
         finally:
+            pace.sessions -= 1
             sending.cancel()
             await asyncio.gather(sending, return_exceptions=True)
 

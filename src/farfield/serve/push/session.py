@@ -7,6 +7,7 @@ import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from starlette.concurrency import run_in_threadpool
@@ -35,7 +36,9 @@ from farfield.stream.tree import CellTree
 AHEAD_SECONDS = 0.5
 """Of the link that may be under way: what turns out to be more urgent waits no longer."""
 LOOK_SECONDS = 0.2
-"""Between two looks at all that could be sent."""
+"""Between two looks at all that could be sent, at least."""
+LOOK_SHARE = 0.5
+"""Of a core, that the looks of all sessions together may take; one takes some 3 ms."""
 MOST_HELD = 200_000
 """Keys that a viewer may say it holds: some 20 MB of them."""
 
@@ -61,11 +64,30 @@ class Sendable:
         return float(np.linalg.norm(bounds[:, 3:].max(axis=0) - bounds[:, :3].min(axis=0)))
 
 
+class Pace:
+    """How often sessions may look, so that many of them leave time for all else."""
+
+    def __init__(self) -> None:
+        self.sessions = 0
+        """How many there are."""
+        self._mean = 0.003
+
+    @property
+    def pause(self) -> float:
+        """Seconds between two looks of one session."""
+        return max(LOOK_SECONDS, self._mean * self.sessions / LOOK_SHARE)
+
+    def took(self, seconds: float) -> None:
+        """A look took so long."""
+        self._mean += 0.1 * (seconds - self._mean)
+
+
 class Session:
     """Sends to one viewer. `take` and `send` run in one event loop; times are seconds of `now`."""
 
-    def __init__(self, world: Sendable, send: Send, now: Callable[[], float]) -> None:
+    def __init__(self, world: Sendable, send: Send, now: Callable[[], float], pace: Pace) -> None:
         self._world = world
+        self._pace = pace
         self._send = send
         self._now = now
         self._regions = Regions(world.tree)
@@ -137,8 +159,9 @@ class Session:
         view, now = self._view, self._now()
         assert view is not None
         is_new = view is not self._looked_at
-        if not (is_new or self._due) or now < self._looked + LOOK_SECONDS:
+        if not (is_new or self._due) or now < self._looked + self._pace.pause:
             return
+        begun = perf_counter()
         self._looked_at, self._looked, self._due = view, now, False
         self._regions.shape = Shape(view.near_radius, view.bias, view.least_gain)
         forward = np.array(view.forward, np.float64)
@@ -150,6 +173,7 @@ class Session:
         # By the server's clock: a viewer's may jump.
         seen = Viewing(now, eye, forward / length, view.fov, view.size, velocity, view.turning, acceleration)
         self._scheduler.follow(seen, now)
+        self._pace.took(perf_counter() - begun)
 
     def _has_room(self) -> bool:
         link = self._scheduler.link
@@ -157,7 +181,7 @@ class Session:
 
     async def _wait(self) -> None:
         """Until the viewer says something, or it is time to look again."""
-        pause = LOOK_SECONDS if self._view is not None else None
+        pause = self._pace.pause if self._view is not None else None
         try:
             async with asyncio.timeout(pause):
                 await self._changed.wait()
