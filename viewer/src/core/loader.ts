@@ -37,10 +37,9 @@ const REQUESTS_TO_ALL = 24;
 const REQUEST_BYTES = 256 << 10;
 /**
  * Seconds of the link that are asked for ahead, so that what turns out to be more urgent does not wait for longer, large values apart;
- * bytes as long as it is not known how fast it is, and at least; and how many requests share them.
+ * bytes at least, as long as it is not known how fast it is as well; and how many requests share them.
  */
 const ASKED_SECONDS = 0.5;
-const ASKED_AT_FIRST = 32 << 10;
 const ASKED_BYTES = 32 << 10;
 const SHARES = 4;
 /** Bytes of a value that has a request to itself, and how many such come at once: on a slow link the small ones go on beside them. */
@@ -211,7 +210,7 @@ export class Loader {
   /** Starts requests to one server. */
   private ask(server: Server, wants: readonly Want[], { ahead, requests, values }: Limits): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
-    const room = this.link.isKnown ? Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES) : ASKED_AT_FIRST;
+    const room = Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES);
     const limit = Math.min(ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES, room / SHARES);
     // On a slow link more requests would not come sooner, but all of them late.
     const enough = server.source.batchKeys > 1 ? 1 + Math.ceil((this.link.bandwidth * this.link.latency) / limit) : requests;

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 HELLO_SECONDS = 10.0
 """In which the first message comes, or the session ends."""
-BAD, TOO_MUCH, TRY_LATER, FAILED = 1008, 1009, 1013, 1011
-"""Codes of a close: against the rules, too large or too many, no session is free, the world cannot be read."""
+BAD, TRY_LATER, FAILED = 1008, 1013, 1011
+"""Codes of a close: against the rules, no session is free, the world cannot be read."""
 
 _log = logging.getLogger("farfield.serve")
 

@@ -9,8 +9,6 @@ const LEAST = 100;
 /** How fast a link is: what came within the last seconds in which something was under way (BEN 4); the twin of `farfield.stream.link`. */
 export class Link implements LinkEstimate {
   bandwidth = FIRST_GUESS;
-  /** Whether something has come, so that the bandwidth is no guess. */
-  isKnown = false;
   readonly latency: number;
   /** Bytes that were asked for and have not come. */
   underWay = 0;
@@ -35,7 +33,6 @@ export class Link implements LinkEstimate {
     size = Math.min(size, this.underWay);
     if (size <= 0) return;
     this.underWay -= size;
-    this.isKnown = true;
     this.came.push({ at: now, size });
     while (this.came[0]!.at < now - WINDOW) this.busySince = this.came.shift()!.at;
     // Only while something was under way: an idle link says nothing of how fast it is.
