@@ -71,6 +71,12 @@ def test_a_curve_is_its_mean_direction() -> None:
     np.testing.assert_allclose(found.viewing.velocity, [-3, 0, 0])
 
 
+def test_another_direction_is_another_course() -> None:
+    degrees = np.radians([0, 20, 28, 45, 60])
+    seen = [viewing(3.0 * n, velocity=(3 * np.cos(a), 3 * np.sin(a), 0)) for n, a in enumerate(degrees)]
+    assert [predicted(*seen[: n + 1]).since for n in range(5)] == [0.0, 0.0, 0.0, 9.0, 9.0]
+
+
 def test_is_compared_with_what_happened() -> None:
     predictor = MotionPredictor()
     for n in range(11):

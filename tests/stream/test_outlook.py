@@ -9,7 +9,7 @@ import pytest
 
 from farfield.stream import outlook
 from farfield.stream.motion import Movement, Prediction
-from farfield.stream.outlook import cutoff, look
+from farfield.stream.outlook import LEAST_COURSE, cutoff, look
 from stream.test_motion import predicted, viewing
 
 BOXES = np.array([(-1, 9, -1, 1, 11, 1), (9, -1, -1, 11, 1, 1), (-9, -9, -1, -8, -8, 1), (-1, 29, 0, 2, 32, 3)], float)
@@ -37,8 +37,11 @@ def test_a_turn_goes_on_for_two_fields_of_view() -> None:
     assert cutoff(found, 0.0, FAR) == pytest.approx(2 * wide / 0.5)
 
 
-def test_a_line_goes_on_for_twice_the_way_to_the_far_plane() -> None:
-    assert cutoff(predicted(viewing(velocity=(4, 0, 0))), 0.0, FAR) == pytest.approx(50.0)
+def test_a_line_goes_on_for_twice_the_way_to_the_far_plane_and_as_long_as_it_has() -> None:
+    prediction = predicted(viewing(velocity=(4, 0, 0)))
+    assert cutoff(prediction, 0.0, FAR) == pytest.approx(LEAST_COURSE)
+    assert cutoff(prediction, 10.0, FAR) == pytest.approx(10.0 + LEAST_COURSE)
+    assert cutoff(prediction, 100.0, FAR) == pytest.approx(50.0)
 
 
 @pytest.mark.parametrize("turning", [0.4, -0.4])
@@ -68,7 +71,8 @@ def test_an_object_at_the_edge_comes_in_little_by_little() -> None:
 
 
 def test_a_line_is_sampled() -> None:
-    prediction = predicted(viewing(velocity=(0, 5, 0)))
+    # It has gone this way for long.
+    prediction = replace(predicted(viewing(velocity=(0, 5, 0))), since=-100.0)
     found = look(prediction, BOXES, 0.0, FAR)
     assert len(found.bounds) == outlook.INTERVALS + 1
     assert (np.diff(found.bounds) > 0).all()

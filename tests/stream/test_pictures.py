@@ -76,7 +76,7 @@ def test_what_is_offered_and_shown() -> None:
     first, root = (n for n, item in enumerate(items) if item.cell == "3/0/0/0")
     # Two of the three tiles are worth their bytes, and all that is seen is below the root.
     assert offers.sizes[[first, root]].tolist() == [TILE_BYTES, 2 * TILE_BYTES]
-    assert (offers.accuracy[offers.uses(first)] < offers.accuracy[offers.uses(root)]).all()
+    assert 0 < offers.parts[first] < offers.parts[root] == 1
     assert offers.series[first] == offers.series[root]
     assert len(items[first].keys) == len(items[root].keys) == 1
     visible = {int(n) for n in offers.objects}
@@ -86,7 +86,7 @@ def test_what_is_offered_and_shown() -> None:
     finest = np.zeros(len(regions.cells))
     for n in range(len(items)):
         own = offers.objects[offers.uses(n)]
-        finest[own] = np.maximum(finest[own], offers.accuracy[offers.uses(n), 0])
+        finest[own] = np.maximum(finest[own], offers.accuracy[offers.uses(n), 0] * (offers.parts[n] == 1))
     assert (finest[list(visible)] > offers.accuracy[offers.uses(root), 0].max()).any()
     again, best = offers_of(pictures, regions, seen)
     assert len(again.sizes) == 0

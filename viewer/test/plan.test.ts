@@ -30,10 +30,10 @@ describe("makePlan", () => {
     hold(tilesOf(cells.get("0/0/0/0")!));
     hold(tilesOf(cells.get("0/3/1/0")!).slice(0, 1));
     const found = plan(root);
-    expect(drawn(found)).toEqual(["0/0/0/0", "2/0/0/0"]);
+    expect(drawn(found)).toEqual(["0/0/0/0", "0/3/1/0", "2/0/0/0"]);
     expect(found.standIns).toBe(1);
     // Octants: bit 0 is x, bit 1 is y. Of the lower left quarter all but its own lower left is a hole.
-    expect(found.pictures[1]!.holes).toEqual([[COVERED, HOLE, HOLE, HOLE, 0, 0, 0, 0], HOLE, HOLE, HOLE, 0, 0, 0, 0]);
+    expect(found.pictures[2]!.holes).toEqual([[COVERED, HOLE, HOLE, HOLE, 0, 0, 0, 0], HOLE, HOLE, HOLE, 0, 0, 0, 0]);
   });
 
   it("lets the nearest ancestor that is held stand in", () => {
@@ -67,17 +67,37 @@ describe("makePlan", () => {
     expect(plan(root, far(3)).pictures[0]!.tiles).toEqual([a, b, c]);
   });
 
-  it("draws a cell from what has come of it as soon as nothing above it shows more", () => {
+  it("draws what has come of a cell before what stands in for it", () => {
     const { root, cells } = makeWorld();
     const leaf = cells.get("0/0/0/0")!;
     const wanted = (cell: typeof leaf) => tilesOf(cell).slice(0, 2);
     hold(wanted(leaf).slice(0, 1));
-    expect(drawn(plan(root))).toEqual(["0/0/0/0"]);
-    // Half of the root two levels up shows less than half of the leaf, the whole root shows more.
+    expect(plan(root).pictures).toMatchObject([{ cell: leaf, share: 0.5, behind: false }]);
     hold(wanted(root).slice(0, 1));
-    expect(drawn(plan(root))).toEqual(["0/0/0/0", "2/0/0/0"]);
-    hold(wanted(root).slice(1));
-    expect(drawn(plan(root))).toEqual(["2/0/0/0"]);
+    expect(plan(root).pictures).toMatchObject([
+      { cell: leaf, share: 0.5 },
+      { cell: root, holes: HOLE, share: 0.5, behind: true },
+    ]);
+    hold(wanted(root));
+    expect(plan(root).pictures).toMatchObject([{ cell: leaf }, { cell: root, holes: HOLE, share: 1, behind: true }]);
+    hold(wanted(leaf));
+    expect(plan(root).pictures).toMatchObject([
+      { cell: leaf, share: 1, behind: false },
+      { cell: root, behind: false },
+    ]);
+  });
+
+  it("keeps parts of a cell while others are wanted of it", () => {
+    const { root } = makeWorld();
+    const [a, b, c] = tilesOf(root);
+    const far = (views: number) => ({ eye: [2, 2, 500], radius: 1, choice: { views, leastGain: 10, layers: 1 } });
+    hold([a!, c!]);
+    expect(plan(root, far(4)).pictures[0]!.tiles).toEqual([a, c]);
+    expect(plan(root, far(2)).pictures[0]!.tiles).toEqual([a, c]);
+    a!.state = "absent";
+    expect(plan(root, far(2)).pictures[0]!.tiles).toEqual([c]);
+    hold([a!, b!]);
+    expect(plan(root, far(2)).pictures[0]!.tiles).toEqual([a, b]);
   });
 
   it("draws near leaves as geometry when it is there, else from pictures", () => {
@@ -101,14 +121,14 @@ describe("makePlan", () => {
     expect(drawn(plan(root, { frustum }))).toHaveLength(8);
   });
 
-  it("lets an ancestor stand in for a cell that has some of its tiles, and whose index has not been read", () => {
+  it("lets an ancestor fill the gaps of a cell that has some of its tiles, and whose index has not been read", () => {
     const { root, cells } = makeWorld();
     hold(tilesOf(root));
     const cell = cells.get("1/0/0/0")!;
     hold(tilesOf(cell).slice(0, 1));
     cell.children = null;
     const found = plan(root);
-    expect(drawn(found)).toEqual(["2/0/0/0"]);
+    expect(drawn(found)).toEqual(["1/0/0/0", "2/0/0/0"]);
     expect(found.pictures[0]!.holes).toBe(HOLE);
   });
 

@@ -9,23 +9,25 @@ from farfield.kernels.compiling import kernel
 
 _I32 = types.Array(types.int32, 1, "C", readonly=True)
 _I64 = types.Array(types.int64, 1, "C", readonly=True)
+_F32 = types.Array(types.float32, 1, "C", readonly=True)
 _F64 = types.Array(types.float64, 1, "C", readonly=True)
 _F32_2 = types.Array(types.float32, 2, "C", readonly=True)
 
 
 @kernel(
     types.void(
-        _I64, _F64, _I64, _I32, _F32_2, _F32_2, _F32_2, _F64, types.float64, types.Array(types.float64, 1, "C")
+        _I64, _F64, _I64, _F32, _I32, _F32_2, _F32_2, _F32_2, _F64, types.float64, types.Array(types.float64, 1, "C")
     )
 )  # fmt: skip
 def added_benefits(  # type: ignore[no-untyped-def]
-    items, arrivals, firsts, objects, accuracy, held, visible, bounds, least, benefits
+    items, arrivals, firsts, parts, objects, accuracy, held, visible, bounds, least, benefits
 ):
     """The integral of what each item adds from its arrival to the cut-off.
 
     items: (l,) int64, numbers of the items to look at. arrivals: (l,) float64, when each would be there, seconds from
-    where bounds begin. firsts: (m + 1,) int64: uses firsts[i] to firsts[i + 1] - 1 are those of item i. objects: (u,)
-    int32, the object of each use. accuracy: (u, k) float32, of the use in each interval. held: (n, k) float32, accuracy
+    where bounds begin. firsts: (m + 1,) int64: uses firsts[i] to firsts[i + 1] - 1 are those of item i. parts: (m,)
+    float32, how much of what an object lacks to the item's accuracy it adds. objects: (u,) int32, the object of each
+    use. accuracy: (u, k) float32, of the use in each interval. held: (n, k) float32, accuracy
     of the best that each object has. visible: (n, k) float32, pixels, times importance. bounds: (k + 1,) float64,
     seconds. least: gains that change a picture less do not count. benefits: (l,) float64 out, pixel seconds.
     """
@@ -40,7 +42,7 @@ def added_benefits(  # type: ignore[no-untyped-def]
             added = np.float32(0.0)
             for use in range(firsts[item], firsts[item + 1]):
                 thing = objects[use]
-                gain = accuracy[use, k] - held[thing, k]
+                gain = parts[item] * (accuracy[use, k] - held[thing, k])
                 if gain > least or (gain > np.float32(0.0) and held[thing, k] == np.float32(0.0)):
                     added += gain * visible[thing, k]
             total += added * (bounds[k + 1] - begin)

@@ -12,10 +12,12 @@ Floats = NDArray[np.float64]
 FULL_ANGLE = np.radians(60.0)
 """Impostors seen at this angle to their plane or more squarely are as good as seen head on."""
 
-PICTURE = 0.95
+PICTURE = 0.92
 """Of pictures whose pixels are no wider than the screen's."""
-BLUR = 0.1
+BLUR = 0.055
 """By which pictures twice as coarse are worse."""
+COARSEST = 0.2
+"""Of pictures of a few pixels: better than nothing."""
 
 
 def level_accuracy(area: ArrayLike, faces: ArrayLike, all_faces: ArrayLike) -> Floats:
@@ -55,11 +57,12 @@ def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:
 def picture_accuracy(pitch: ArrayLike) -> Floats:
     """Of a cell's pictures against its geometry, by how wide their pixels are on the screen; no part of the thesis.
 
-    pitch: pixels of the screen from one pixel of a picture to the next. Its form and numbers are guesses: three scenes
-    drawn twice as coarse lost .020 to .026 of FLIP (docs/performance.md, Frames of the page).
+    pitch: pixels of the screen from one pixel of a picture to the next. Measured as 1 - FLIP / FLIP of nothing at all: three
+    scenes from three sides each, with pixels as wide as the screen's and twice to sixteen times as wide: .91, .86, .81,
+    .74, .70 (docs/performance.md, What comes first on a slow link).
     """
     blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
-    return np.asarray(PICTURE / (1 + BLUR * blur))
+    return np.asarray(np.maximum(PICTURE - BLUR * blur, COARSEST))
 
 
 def compound_accuracy(geometry: ArrayLike, texture: ArrayLike) -> Floats:

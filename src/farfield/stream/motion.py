@@ -21,6 +21,8 @@ ACCELERATES = 1.0
 """Seconds for which an acceleration is believed."""
 STILL = 1e-3
 """A viewer moves from this share of its field of view a second on: metres beside what it looks at, or radians."""
+TURNED = np.radians(30.0)
+"""From this angle on another direction is another course."""
 HORIZONS = (0.5, 1.0, 2.0)
 """Seconds after which predictions are compared with what happened."""
 LOGGED = 1000
@@ -73,7 +75,7 @@ class Prediction:
     movement: Movement
     viewing: Viewing
     since: float
-    """When it began to move this way, seconds of its clock."""
+    """When it began to move this way, and in about this direction, seconds of its clock."""
 
     def lasted(self, now: float) -> float:
         """Seconds for which it has moved this way."""
@@ -130,6 +132,7 @@ class MotionPredictor:
         self._scale = scale
         self._seen: deque[Viewing] = deque()
         self._prediction: Prediction | None = None
+        self._course: Floats = np.zeros(3)
         self._made: dict[float, deque[Prediction]] = {horizon: deque() for horizon in HORIZONS}
 
     @property
@@ -146,8 +149,12 @@ class MotionPredictor:
         while self._seen[0].time < viewing.time - MEAN_OVER:
             self._seen.popleft()
         movement = self._movement(viewing)
-        since = before.since if before and before.movement is movement else viewing.time
-        self._prediction = Prediction(movement, self._straightened(viewing, movement), since)
+        goes = self._straightened(viewing, movement)
+        if before is None or before.movement is not movement or self._left(goes, movement):
+            self._prediction = Prediction(movement, goes, viewing.time)
+            self._course = goes.velocity
+        else:
+            self._prediction = Prediction(movement, goes, before.since)
         self.outcomes.extend(self._happened(viewing))
         for made in self._made.values():
             made.append(self._prediction)
@@ -157,6 +164,13 @@ class MotionPredictor:
         if viewing.speed > STILL * self._scale:
             return Movement.STRAIGHT
         return Movement.TURNING if abs(viewing.turning) > STILL else Movement.STANDING
+
+    def _left(self, goes: Viewing, movement: Movement) -> bool:
+        """Whether a line goes in another direction than when it began."""
+        if movement is not Movement.STRAIGHT:
+            return False
+        along = float(goes.velocity @ self._course)
+        return along < np.cos(TURNED) * goes.speed * float(np.linalg.norm(self._course))
 
     def _straightened(self, viewing: Viewing, movement: Movement) -> Viewing:
         """A curve's velocity in the mean direction of the last second, as fast as now."""

@@ -28,18 +28,22 @@ class Offers:
     series: NDArray[np.int64] | None = None
     """(m,) numbers: of items with the same, each larger one holds all that the smaller ones do, and what was sent of it
     needs not be sent again. None: each is for itself."""
+    parts: NDArray[np.float32] | None = None
+    """(m,) how much of what an object lacks to the accuracy of a use it is brought nearer to it, above 0 to 1: some
+    tiles of a cell are drawn before what showed it until then. None: all of it."""
 
     def uses(self, item: int) -> slice:
         """Those of an item."""
         return slice(int(self.firsts[item]), int(self.firsts[item + 1]))
 
-    def scaled(self, items: NDArray[np.int64], factors: NDArray[np.float64]) -> Offers:
-        """Some of the items, any number of times, each with its accuracy multiplied; those of one item as a series."""
+    def split(self, items: NDArray[np.int64], parts: NDArray[np.float64]) -> Offers:
+        """Parts of some of the items, any number of each; those of one item are a series. Sizes are the whole's."""
         counts = np.diff(self.firsts)[items]
         firsts = np.concatenate([[0], np.cumsum(counts)])
         uses = np.repeat(self.firsts[:-1][items] - firsts[:-1], counts) + np.arange(firsts[-1])
-        accuracy = self.accuracy[uses] * np.repeat(factors, counts)[:, None].astype(np.float32)
-        return Offers(self.sizes[items], firsts, self.objects[uses], accuracy, items)
+        return Offers(
+            self.sizes[items], firsts, self.objects[uses], self.accuracy[uses], items, parts.astype(np.float32)
+        )
 
     @staticmethod
     def none(intervals: int) -> Offers:
@@ -99,10 +103,12 @@ def joined(offers: Sequence[Offers]) -> Offers:
     ends = np.cumsum([0, *(len(one.objects) for one in offers)])
     counts = np.cumsum([0, *(len(one.sizes) for one in offers)])
     own = [np.arange(len(one.sizes)) if one.series is None else one.series for one in offers]
+    parts = [np.ones(len(one.sizes), np.float32) if one.parts is None else one.parts for one in offers]
     return Offers(
         np.concatenate([one.sizes for one in offers]),
         np.concatenate([one.firsts[:-1] + end for one, end in zip(offers, ends, strict=False)] + [ends[-1:]]),
         np.concatenate([one.objects for one in offers]),
         np.concatenate([one.accuracy for one in offers]),
         np.concatenate([series + count for series, count in zip(own, counts, strict=False)]),
+        np.concatenate(parts),
     )

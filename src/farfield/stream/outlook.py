@@ -15,6 +15,8 @@ INTERVALS = 8
 """Parts of the time that is looked ahead while turning or moving."""
 LEAST_STAY = 1.0
 """Seconds that who has just come to stand is expected to stay."""
+LEAST_COURSE = 5.0
+"""Seconds that who has just set out is expected to go on."""
 LONGEST = 120.0
 """Seconds; nothing is looked ahead farther."""
 TURNS = 2.0
@@ -52,7 +54,8 @@ def cutoff(prediction: Prediction, now: float, far: float) -> float:
     elif prediction.movement is Movement.TURNING:
         found = TURNS * _horizontal(viewing.fov, viewing.size) / abs(viewing.turning)
     else:
-        found = REACHES * far / viewing.speed
+        # And no longer than it has gone in this direction: from a height the far plane is minutes away.
+        found = min(REACHES * far / viewing.speed, LEAST_COURSE + prediction.lasted(now))
     return min(found, LONGEST)
 
 

@@ -22,6 +22,7 @@ AHEAD = 8.0
 STEPS = 4
 """Places on that way."""
 DEFAULT_LEAST_GAIN = 10.0
+GEOMETRY_LEVEL = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ class Pictures:
     """Pictures of cells and of those above them, and geometry of near leaves, for one viewer.
 
     A cell is offered by the first of the tiles that are picked for where it is seen from, as far as some shares of what
-    all of them show; a viewer draws of it what is there when nothing above it shows more.
+    all of them show; a viewer draws of it what is there, before what is above it.
     """
 
     def __init__(self, regions: Regions) -> None:
@@ -82,7 +83,7 @@ class Pictures:
         """Keys of what the viewer has."""
         self._regions = regions
         self._items: list[SentCell] = []
-        self._there = Offers.none(0)
+        self._there: list[tuple[int, Offers]] = []
         self._useful: set[tuple[str, bool]] = set()
 
     def offers(self, outlook: Outlook) -> Offers:
@@ -99,8 +100,10 @@ class Pictures:
         first, begins = np.unique(cells, return_index=True)
         values = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
         values += [tree.geometry(int(regions.cells[leaf])) for leaf in leaves]
+        levels = np.concatenate([tree.levels[first], np.full(len(leaves), GEOMETRY_LEVEL, np.int32)])
         return self._split(
             values,
+            levels,
             np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)]),
             np.concatenate([objects, leaves]).astype(np.int32),
             np.concatenate([picture_accuracy(apart).astype(np.float32), near]),
@@ -108,7 +111,11 @@ class Pictures:
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
         """By the best that is there, as of the last offers."""
-        np.maximum.at(best, self._there.objects, self._there.accuracy)
+        # From coarse to fine, each before those above it; an object is below one cell of a level.
+        for _, there in sorted(self._there, key=lambda one: one[0], reverse=True):
+            assert there.parts is not None
+            parts = np.repeat(there.parts, np.diff(there.firsts))[:, None]
+            best[there.objects] += parts * np.maximum(there.accuracy - best[there.objects], 0.0)
 
     def take(self, item: int) -> SentCell:
         """What to send."""
@@ -147,6 +154,7 @@ class Pictures:
     def _split(
         self,
         values: list[CellValues],
+        levels: NDArray[np.int32],
         firsts: NDArray[np.int64],
         objects: NDArray[np.int32],
         accuracy: NDArray[np.float32],
@@ -157,7 +165,7 @@ class Pictures:
         self._useful = {(one.cell, one.is_geometry) for one in values}
         sizes: list[int] = []
         of: list[int] = []
-        reached: list[float] = []
+        parts: list[float] = []
         shown = [one.shown_by(self.held) for one in values]
         for number, one in enumerate(values):
             lacks = [n for n, key in enumerate(one.keys) if key not in self.held]
@@ -168,10 +176,15 @@ class Pictures:
                 self._items.append(SentCell(one.cell, one.is_geometry, tuple(one.keys[n] for n in own)))
                 sizes.append(sum(one.sizes[n] for n in own))
                 of.append(number)
-                reached.append(1.0 if len(own) == len(lacks) else shown[number] + sum(one.shares[n] for n in own))
-        there = np.flatnonzero(shown)
-        self._there = whole.scaled(there, np.array(shown)[there])
-        offers = whole.scaled(np.array(of, np.int64), np.array(reached))
+                is_all = len(own) == len(lacks)
+                parts.append(1.0 if is_all else sum(one.shares[n] for n in own) / (1 - shown[number]))
+        there = np.array(shown)
+        self._there = [
+            (int(level), whole.split(own, there[own]))
+            for level in np.unique(levels)
+            if len(own := np.flatnonzero((there > 0) & (levels == level)))
+        ]
+        offers = whole.split(np.array(of, np.int64), np.array(parts))
         return replace(offers, sizes=np.array(sizes, np.int64))
 
     def _pictures(self, cell: int, eye: Floats) -> CellValues:

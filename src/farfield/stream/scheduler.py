@@ -61,6 +61,7 @@ class Scheduler:
         self._counts: list[int] = []
         self._open = np.zeros(0, bool)
         self._sizes = np.zeros(0, np.int64)
+        self._parts = np.zeros(0, np.float32)
         self._late = False
         self._held = self._visible = np.zeros((0, 0), np.float32)
         self._seconds = self._benefits = self._rates = np.zeros(0)
@@ -75,6 +76,8 @@ class Scheduler:
         self._offers = joined(found)
         self._open = np.ones(len(self._offers.sizes), bool)
         self._sizes = self._offers.sizes.copy()
+        assert self._offers.parts is not None
+        self._parts = self._offers.parts.copy()
         self._held = np.zeros(outlook.visible.shape, np.float32)
         for kind in self._kinds:
             kind.shown(outlook, self._held)
@@ -135,8 +138,8 @@ class Scheduler:
         assert outlook is not None
         found = np.zeros(len(items))
         added_benefits(
-            items, arrivals, offers.firsts, offers.objects, offers.accuracy, self._held, self._visible, outlook.bounds,
-            STEADY, found,
+            items, arrivals, offers.firsts, self._parts, offers.objects, offers.accuracy, self._held, self._visible,
+            outlook.bounds, STEADY, found,
         )  # fmt: skip
         return found
 
@@ -166,7 +169,7 @@ class Scheduler:
         benefit, seconds, size = float(self._benefits[item]), float(self._seconds[item]), int(self._sizes[item])
         uses = offers.uses(item)
         shown = offers.objects[uses]
-        self._held[shown] = np.maximum(self._held[shown], offers.accuracy[uses])
+        self._held[shown] += self._parts[item] * np.maximum(offers.accuracy[uses] - self._held[shown], 0.0)
         self._shrink(offers, item, before)
         number, kind = item, 0
         while number >= self._counts[kind]:
@@ -183,5 +186,6 @@ class Scheduler:
         self._open[same] = False
         self._open[larger] = True
         self._sizes[larger] -= self._sizes[item]
+        self._parts[larger] = (self._parts[larger] - self._parts[item]) / np.maximum(1 - self._parts[item], 1e-6)
         self._seconds[larger] = self._sizes[larger] / self.link.bandwidth + OVERHEAD
         self._renew(same, before)

@@ -45,8 +45,10 @@ export class Cell {
   bins: readonly (readonly number[])[] = [];
   /** For each view bin the tiles to draw, best first. */
   picks: readonly (readonly Pick[])[] = [];
-  /** The tiles that it was drawn from when it was last complete. */
+  /** The tiles that it was drawn from when it was last complete or, while it has not been, from which it was drawn last. */
   shown: readonly Resource[] = [];
+  /** Whether it has been complete. */
+  wasWhole = false;
   geometry: CellGeometry | null = null;
   /** Cells below that hold something, ascending; null until the index is known that far down. */
   children: readonly Cell[] | null = null;
@@ -141,6 +143,7 @@ export class Cell {
     this.views = views;
     this.picks = (entry.picks ?? []).map((flat) => this.picksOf(flat, entry));
     this.shown = this.before?.shown.filter(({ cell }) => cell === this) ?? [];
+    this.wasWhole = this.before?.wasWhole === true && this.shown.length > 0 && this.shown.length === this.before.shown.length;
     this.describeGeometry(entry, shared, take);
     for (const resource of before.values()) resource.gone = resource.cell !== this;
   }
@@ -171,8 +174,8 @@ export class Cell {
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
     if (this.views.size === 0) {
-      const { bounds, reach, views, bins, picks, shown, geometry } = before;
-      Object.assign(this, { bounds, reach, views, bins, picks, shown, geometry });
+      const { bounds, reach, views, bins, picks, shown, wasWhole, geometry } = before;
+      Object.assign(this, { bounds, reach, views, bins, picks, shown, wasWhole, geometry });
       for (const resource of before.resources) resource.moveTo(this);
     }
     this.readHash = before.readHash;

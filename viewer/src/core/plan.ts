@@ -5,7 +5,6 @@ import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
 import type { Vector3 } from "./vector.js";
-import { BLUR } from "./stream/accuracy.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** Where the eye is and what it asks for. */
@@ -26,6 +25,10 @@ export interface PictureDraw {
   readonly cell: Cell;
   readonly tiles: readonly Resource[];
   readonly holes: Holes;
+  /** How much of what it should show is there. */
+  readonly share: number;
+  /** Whether parts of finer cells are drawn before it, which show the same. */
+  readonly behind: boolean;
 }
 
 /** What to draw now, and what would be drawn if everything were there. */
@@ -39,7 +42,19 @@ export interface Plan {
 
 type Role = "picture" | "geometry" | "left out";
 
-/** Draws each cell of the cut from what is held, and lets what is held above or below stand in for what is not. */
+/** What a cell can be drawn from. */
+interface Look {
+  readonly tiles: readonly Resource[];
+  /** Nothing of it is missing. */
+  readonly isWhole: boolean;
+  /** It is to be kept until there is more. */
+  readonly isNew: boolean;
+}
+
+/**
+ * Draws each cell of the cut from what is held, and lets what is held above or below stand in for what is not. A cell that is there in
+ * part is drawn so, before what stands in for it, which fills its gaps.
+ */
 export function makePlan(roots: readonly Cell[], directions: ReadonlyMap<number, Direction>, view: PlanView): Plan {
   return new Planner(directions, view).plan(roots);
 }
@@ -47,7 +62,7 @@ export function makePlan(roots: readonly Cell[], directions: ReadonlyMap<number,
 /** Whether two plans draw the same. */
 export function samePlan(a: Plan, b: Plan): boolean {
   const listOf = ({ pictures, geometry }: Plan): unknown[] => [
-    ...pictures.flatMap(({ tiles, holes }) => [JSON.stringify(holes), ...tiles]),
+    ...pictures.flatMap(({ tiles, holes, behind }) => [JSON.stringify(holes), behind, ...tiles]),
     ...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]),
   ];
   const [one, other] = [listOf(a), listOf(b)];
@@ -58,8 +73,10 @@ class Planner {
   private readonly pictures: PictureDraw[] = [];
   private readonly geometry: CellGeometry[] = [];
   private readonly roles = new Map<Cell, Role>();
-  private readonly shares = new Map<Cell, number>();
+  private readonly looks = new Map<Cell, Look>();
   private standIns = 0;
+  /** How many cells are drawn from parts of what they should show. */
+  private parts = 0;
 
   constructor(
     private readonly directions: ReadonlyMap<number, Direction>,
@@ -70,23 +87,21 @@ class Planner {
     const found = cut(roots, this.view.eye, this.view.radius, this.view.near);
     for (const cell of found.pictures) this.roles.set(cell, "picture");
     for (const cell of found.geometry) this.roles.set(cell, this.view.farOnly ? "left out" : "geometry");
-    for (const root of roots) {
-      const holes = this.place(root);
-      if (holes !== COVERED) this.drawWhatIsThere(root, holes);
-    }
+    for (const root of roots) this.place(root);
     return { cut: found, pictures: this.pictures, geometry: this.geometry, standIns: this.standIns };
   }
 
-  /** Draws a cell's part of the cut; returns where that was not possible. */
+  /** Draws a cell's part of the cut; returns where that was not possible, or not whole: there what is above is drawn as well. */
   private place(cell: Cell): Holes {
     if (!seesBox(this.view.frustum, cell.reach)) return COVERED;
     const role = this.roles.get(cell);
     if (role === "left out") return COVERED;
     if (role === "geometry" && this.drawGeometry(cell)) return COVERED;
     if (role && cell.views.size === 0) return role === "geometry" && cell.geometry ? HOLE : COVERED;
-    if (role && this.draw(cell, HOLE)) return COVERED;
+    if (role && this.look(cell).isWhole) return this.draw(cell, HOLE, false);
+    const before = this.parts;
     const holes = role ? this.retain(cell) : joinHoles((cell.children ?? []).map((child) => [child.octant, this.place(child)] as const));
-    return holes !== COVERED && (this.draw(cell, holes) || this.drawPartly(cell, holes)) ? COVERED : holes;
+    return holes === COVERED ? COVERED : this.draw(cell, holes, this.parts > before);
   }
 
   /** Keeps what is held below a cell of the cut that is not there yet; returns where nothing is. */
@@ -96,61 +111,47 @@ class Planner {
     if (cell.level === 0) return this.drawGeometry(cell) ? COVERED : HOLE;
     return joinHoles(
       (cell.children ?? []).map((child) => {
-        const drawn = !seesBox(this.view.frustum, child.reach) || this.draw(child, HOLE);
-        return [child.octant, drawn ? COVERED : this.retain(child)] as const;
+        if (!seesBox(this.view.frustum, child.reach)) return [child.octant, COVERED] as const;
+        return [child.octant, this.look(child).isWhole ? this.draw(child, HOLE, false) : this.retain(child)] as const;
       }),
     );
   }
 
-  /**
-   * Draws a cell from pictures for its `holes` if all its tiles are held; or else, while they come in, from those it was
-   * drawn from the last time and what has come.
-   */
-  private draw(cell: Cell, holes: Holes): boolean {
-    const wanted = this.wanted(cell);
-    if (wanted.length === 0) return false;
-    const there = wanted.filter(({ held }) => held);
-    if (there.length === wanted.length) cell.shown = wanted;
-    else if (cell.shown.length === 0 || !cell.shown.every(({ held }) => held)) return false;
-    this.add(cell, there.length === wanted.length ? wanted : [...new Set([...there, ...cell.shown])], holes);
-    return true;
+  /** Draws a cell from pictures for its `holes`; returns where it is not whole. */
+  private draw(cell: Cell, holes: Holes, behind: boolean): Holes {
+    const { tiles, isWhole, isNew } = this.look(cell);
+    if (tiles.length === 0) return holes;
+    if (isNew) [cell.shown, cell.wasWhole] = [tiles, isWhole];
+    if (!isWhole) this.parts++;
+    if (this.roles.get(cell) !== "picture") this.standIns++;
+    this.pictures.push({ cell, tiles, holes, share: isWhole ? 1 : this.heldShare(cell), behind });
+    return isWhole ? COVERED : holes;
   }
 
-  /** Draws a cell for its `holes` from those of its tiles that are held, if nothing above it shows more. */
-  private drawPartly(cell: Cell, holes: Holes): boolean {
-    const share = this.heldShare(cell);
-    if (share === 0) return false;
-    for (let above = cell.parent; above; above = above.parent) {
-      if (this.heldShare(above) > share * (1 + BLUR * (above.level - cell.level))) return false;
-    }
-    this.drawWhatIsThere(cell, holes);
-    return true;
+  /** What there is of a cell's pictures: while tiles come in, what it was drawn from before and what has come. */
+  private look(cell: Cell): Look {
+    const known = this.looks.get(cell);
+    if (known) return known;
+    const wanted = this.wanted(cell);
+    const there = wanted.filter(({ held }) => held);
+    const isComplete = wanted.length > 0 && there.length === wanted.length;
+    const kept = isComplete ? [] : cell.shown.filter(({ held }) => held);
+    const stays = !isComplete && cell.wasWhole && kept.length === cell.shown.length;
+    const tiles = isComplete ? wanted : [...new Set([...there, ...kept])];
+    const look = { tiles, isWhole: isComplete || stays, isNew: !stays };
+    this.looks.set(cell, look);
+    return look;
   }
 
   /** How much of what a cell's tiles show is shown by those that are held. */
   private heldShare(cell: Cell): number {
-    const known = this.shares.get(cell);
-    if (known !== undefined) return known;
     const wanted = this.wanted(cell);
     const shares = sharesOf(cell, wanted, this.view.eye);
-    const share = wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
-    this.shares.set(cell, share);
-    return share;
+    return wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
   }
 
   private wanted(cell: Cell): readonly Resource[] {
     return tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
-  }
-
-  /** The last resort, where no ancestor is left to stand in: the tiles that are held, complete or not. */
-  private drawWhatIsThere(cell: Cell, holes: Holes): void {
-    const tiles = this.wanted(cell).filter(({ held }) => held);
-    if (tiles.length > 0) this.add(cell, tiles, holes);
-  }
-
-  private add(cell: Cell, tiles: readonly Resource[], holes: Holes): void {
-    if (this.roles.get(cell) !== "picture") this.standIns++;
-    this.pictures.push({ cell, tiles, holes });
   }
 
   private drawGeometry(cell: Cell): boolean {

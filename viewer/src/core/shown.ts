@@ -55,7 +55,7 @@ export function shownBy(plan: Plan, view: PlanView, projection: Projection): Sho
 
 /** What is drawn in the place of each cell of a cut. */
 class LevelsShown {
-  private readonly pictures: ReadonlySet<Cell>;
+  private readonly shares: ReadonlyMap<Cell, number>;
   private readonly leaves: ReadonlySet<unknown>;
   private readonly asGeometry: ReadonlySet<Cell>;
 
@@ -63,7 +63,7 @@ class LevelsShown {
     private readonly plan: Plan,
     private readonly view: PlanView,
   ) {
-    this.pictures = new Set(plan.pictures.map(({ cell }) => cell));
+    this.shares = new Map(plan.pictures.map(({ cell, share }) => [cell, share]));
     this.leaves = new Set(plan.geometry);
     this.asGeometry = new Set(plan.cut.geometry);
   }
@@ -80,20 +80,28 @@ class LevelsShown {
     if (this.asGeometry.has(cell) && cell.geometry) {
       return this.leaves.has(cell.geometry) ? 0 : this.above(cell) - GEOMETRY_LEVEL;
     }
-    return this.pictures.has(cell) || this.isCoveredBelow(cell) ? 0 : this.above(cell) - cell.level;
+    return this.isCoveredBelow(cell) ? 0 : this.above(cell) - cell.level;
   }
 
-  /** Level of the nearest cell at or above that is drawn. */
+  /** Level of what is drawn at or above a cell, nearest first, as far as each fills what is left by those before it. */
   private above(cell: Cell): number {
-    for (let found: Cell | null = cell; found; found = found.parent) if (this.pictures.has(found)) return found.level;
-    return Infinity;
+    let [level, left] = [Infinity, 1];
+    for (let found: Cell | null = cell; found && left > 0; found = found.parent) {
+      const share = this.shares.get(found);
+      if (share === undefined) continue;
+      level = (level === Infinity ? 0 : level) + left * share * found.level;
+      left *= 1 - share;
+      // Gaps that nothing fills count as if the next level did.
+      if (!found.parent) level += left * (found.level + 1);
+    }
+    return level;
   }
 
   private isCoveredBelow(cell: Cell): boolean {
     if (cell.heldBelow === 0 || cell.children === null) return false;
     if (cell.level === 0) return cell.geometry !== null && this.leaves.has(cell.geometry);
     const seen = cell.children.filter(({ reach }) => seesBox(this.view.frustum, reach));
-    return seen.every((child) => this.pictures.has(child) || this.isCoveredBelow(child));
+    return seen.every((child) => this.shares.get(child) === 1 || this.isCoveredBelow(child));
   }
 }
 

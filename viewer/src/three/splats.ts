@@ -74,6 +74,7 @@ export class Splats {
         ...light,
         origin: { value: new Vector3() },
         pitch: { value: 1 },
+        behind: { value: 0 },
         texels: { value: null as DataTexture | null },
         lattice: { value: new Int32Array(2) },
         toX: { value: new Vector3() },
@@ -159,6 +160,7 @@ export class Splats {
     set("toW", along(toW, axes));
     set("sun", along(this.sun, axes));
     uniforms["pitch"]!.value = pitch;
+    uniforms["behind"]!.value = draw.behind ? pitch : 0;
     uniforms["texels"]!.value = tile.texels;
     (uniforms["lattice"]!.value as Int32Array).set(tile.first);
     uniforms["holeNode"]!.value = holeNode;

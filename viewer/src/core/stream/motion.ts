@@ -1,9 +1,11 @@
-import type { Vector3 } from "../vector.js";
+import { dot, type Vector3 } from "../vector.js";
 
 /** Seconds of directions that a curve is averaged over. */
 const MEAN_OVER = 1;
 /** Seconds for which an acceleration is believed. */
 const ACCELERATES = 1;
+/** From this angle on another direction is another course: its cosine. */
+const TURNED = Math.cos(Math.PI / 6);
 /** A viewer moves from this many metres or radians a second on. */
 const STILL = 1e-3;
 
@@ -34,7 +36,7 @@ export class Prediction {
   constructor(
     readonly movement: Movement,
     readonly viewing: Viewing,
-    /** When it began to move this way, seconds of its clock. */
+    /** When it began to move this way, and in about this direction, seconds of its clock. */
     readonly since: number,
   ) {}
 
@@ -72,6 +74,7 @@ export class Prediction {
 export class MotionPredictor {
   prediction: Prediction | null = null;
   private seen: Viewing[] = [];
+  private course: Vector3 = [0, 0, 0];
 
   /** Takes what a viewer says of itself; what is older than what it said before is passed over. */
   follow(viewing: Viewing): Prediction {
@@ -79,9 +82,19 @@ export class MotionPredictor {
     if (before && viewing.time <= before.viewing.time) return before;
     this.seen = [...this.seen.filter(({ time }) => time >= viewing.time - MEAN_OVER), viewing];
     const movement = speedOf(viewing) > STILL ? "straight" : Math.abs(viewing.turning) > STILL ? "turning" : "standing";
-    const since = before?.movement === movement ? before.since : viewing.time;
-    this.prediction = new Prediction(movement, movement === "straight" ? this.straightened(viewing) : viewing, since);
+    const goes = movement === "straight" ? this.straightened(viewing) : viewing;
+    if (before?.movement === movement && !(movement === "straight" && this.isOff(goes))) {
+      this.prediction = new Prediction(movement, goes, before.since);
+    } else {
+      this.prediction = new Prediction(movement, goes, viewing.time);
+      this.course = goes.velocity;
+    }
     return this.prediction;
+  }
+
+  /** Whether a line goes in another direction than when it began. */
+  private isOff(goes: Viewing): boolean {
+    return dot(goes.velocity, this.course) < TURNED * speedOf(goes) * Math.hypot(...this.course);
   }
 
   /** A curve's velocity in the mean direction of the last second, as fast as now. */

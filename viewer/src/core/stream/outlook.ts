@@ -5,6 +5,8 @@ import { speedOf, type Prediction } from "./motion.js";
 export const INTERVALS = 8;
 /** Seconds that who has just come to stand is expected to stay. */
 const LEAST_STAY = 1;
+/** Seconds that who has just set out is expected to go on. */
+const LEAST_COURSE = 5;
 /** Seconds; nothing is looked ahead farther. */
 const LONGEST = 120;
 /** Fields of view that a turn goes on for (BEN 5.1.2). */
@@ -31,7 +33,8 @@ export function cutoff(prediction: Prediction, now: number, far: number): number
   // The longer it has stood, the longer it will: short stops send what is quick (BEN 5.1.1).
   if (movement === "standing") return Math.min(LEAST_STAY + prediction.lasted(now), LONGEST);
   if (movement === "turning") return Math.min((TURNS * horizontal(viewing)) / Math.abs(viewing.turning), LONGEST);
-  return Math.min((REACHES * far) / speedOf(viewing), LONGEST);
+  // And no longer than it has gone in this direction: from a height the far plane is minutes away.
+  return Math.min((REACHES * far) / speedOf(viewing), LEAST_COURSE + prediction.lasted(now), LONGEST);
 }
 
 /**

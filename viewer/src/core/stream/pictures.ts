@@ -5,7 +5,7 @@ import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { pictureAccuracy } from "./accuracy.js";
 import type { Prediction } from "./motion.js";
-import type { Offer, Offering, Use } from "./offers.js";
+import type { Offer, Offering, Shown, Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
 
 /** Seconds for which cells are made out fine enough for where the viewer will be. */
@@ -21,6 +21,11 @@ export interface Part {
   readonly isGeometry: boolean;
   /** What of it is still to come, best first. */
   readonly resources: readonly Resource[];
+}
+
+interface Found {
+  readonly offers: Offer<Part>[];
+  readonly shown: Shown[];
 }
 
 /** What cells are chosen from, and how they are drawn. */
@@ -46,6 +51,7 @@ export interface CellsView {
  */
 export class Pictures implements Offering<Part> {
   private cells: readonly Cell[] = [];
+  private useful: { pictures: ReadonlySet<Cell>; geometry: ReadonlySet<Cell> } = { pictures: new Set(), geometry: new Set() };
 
   constructor(private readonly view: () => CellsView) {}
 
@@ -57,7 +63,7 @@ export class Pictures implements Offering<Part> {
     return this.cells.map(({ bounds }) => bounds);
   }
 
-  offers(outlook: Outlook): { offers: Offer<Part>[]; shown: Use[] } {
+  offers(outlook: Outlook): Found {
     const { near, pitch, farOnly } = this.view();
     const intervals = outlook.eyes.length;
     const uses = new Map<Cell, Use[]>();
@@ -76,19 +82,26 @@ export class Pictures implements Offering<Part> {
         geometry.push([cell, { object, accuracy: away.map((metres) => (metres < near ? 1 : 0)) }]);
       }
     });
-    const found: { offers: Offer<Part>[]; shown: Use[] } = { offers: [], shown: [] };
-    for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
+    this.useful = { pictures: new Set(uses.keys()), geometry: new Set(geometry.map(([cell]) => cell)) };
+    const found: Found = { offers: [], shown: [] };
+    const coarseFirst = [...uses].sort(([a], [b]) => b.level - a.level);
+    for (const [cell, shows] of coarseFirst) this.addPictures(found, cell, outlook.eyes[0]!, shows);
     for (const [cell, shows] of geometry) this.addGeometry(found, cell, shows);
     return found;
   }
 
+  /** Whether pictures or geometry of a cell would show something, as of the last offers. */
+  isUseful({ cell, isGeometry }: Pick<Part, "cell" | "isGeometry">): boolean {
+    return this.useful[isGeometry ? "geometry" : "pictures"].has(cell);
+  }
+
   /** Offers what is not there of a cell's tiles, in steps, as far as it can be had; takes note of what is. */
-  private addPictures({ offers, shown }: { offers: Offer<Part>[]; shown: Use[] }, cell: Cell, eye: Vector3, uses: readonly Use[]): void {
+  private addPictures({ offers, shown }: Found, cell: Cell, eye: Vector3, uses: readonly Use[]): void {
     const { directions, choice, lacks } = this.view();
     const tiles = tilesWanted(cell, directions, eye, choice);
     const shares = sharesOf(cell, tiles, eye);
     const held = tiles.reduce((sum, { state }, n) => sum + (state === "absent" || state === "bad" ? 0 : shares[n]!), 0);
-    if (held > 0) shown.push(...scaled(uses, held));
+    if (held > 0) shown.push(...uses.map((use) => ({ ...use, part: held })));
     const absent = tiles.filter((tile) => tile.state === "absent" && !lacks(tile));
     const series = {};
     let count = 0;
@@ -97,23 +110,19 @@ export class Pictures implements Offering<Part> {
       if (resources.length === count) continue;
       count = resources.length;
       const whole = count === absent.length && absent.length === tiles.filter(({ state }) => state === "absent").length;
-      const reached = whole ? 1 : resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, held);
-      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses: scaled(uses, reached), series });
+      const adds = resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, 0);
+      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses, part: whole ? 1 : adds / (1 - held), series });
     }
   }
 
   /** Offers what is not there of a leaf's geometry, unless a part of it cannot be had: it is all or nothing. */
-  private addGeometry({ offers, shown }: { offers: Offer<Part>[]; shown: Use[] }, cell: Cell, uses: Use): void {
+  private addGeometry({ offers, shown }: Found, cell: Cell, uses: Use): void {
     const parts = [cell.geometry!.leaf, ...cell.geometry!.meshes];
     if (parts.some(this.view().lacks)) return;
     const resources = parts.filter(({ state }) => state === "absent");
-    if (resources.length === 0) shown.push(uses);
-    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], series: {} });
+    if (resources.length === 0) shown.push({ ...uses, part: 1 });
+    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], part: 1, series: {} });
   }
-}
-
-function scaled(uses: readonly Use[], factor: number): Use[] {
-  return uses.map(({ object, accuracy }) => ({ object, accuracy: accuracy.map((one) => factor * one) }));
 }
 
 function bytesOf(resources: readonly Resource[]): number {

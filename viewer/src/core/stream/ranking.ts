@@ -21,15 +21,21 @@ export interface RankedView extends CellsView {
   readonly frustum: Frustum;
 }
 
+/** A want, and what it is a part of. */
+interface Ranked extends Want {
+  readonly part: Part;
+}
+
 /** Puts what is wanted in the order in which it adds most to the pictures to come for the time that it takes (BEN 5). */
 export class Ranking {
   private view: RankedView | null = null;
-  private ranked: ReadonlyMap<Resource, Want> = new Map();
+  private ranked: ReadonlyMap<Resource, Ranked> = new Map();
   private rankedAt = -Infinity;
+  private readonly pictures = new Pictures(() => this.view!);
   private readonly scheduler: Scheduler<Part>;
 
   constructor(link: Link, private readonly sizes: Sizes) {
-    this.scheduler = new Scheduler(new Pictures(() => this.view!), () => this.far(), () => link);
+    this.scheduler = new Scheduler(this.pictures, () => this.far(), () => link);
   }
 
   /** The same wants and, where they help before those do, what can stand in for them. `budget`: bytes of the cache. */
@@ -53,22 +59,25 @@ export class Ranking {
   private choose(viewing: Viewing): void {
     this.rankedAt = viewing.time;
     this.scheduler.follow(viewing, viewing.time);
-    // What is under way is chosen no more, and is wanted as long as it is seen.
-    const ranked = new Map([...this.ranked].filter(([{ state, cell }]) => isComing(state) && cell !== null && this.isSeen(cell)));
+    // What is under way is chosen no more, and is wanted as long as it is of use: given up and asked for anew it would come later.
+    const ranked = new Map<Resource, Ranked>();
+    for (const [resource, want] of this.ranked) {
+      if (isComing(resource.state) && this.pictures.isUseful(want.part)) ranked.set(resource, { ...want, urgency: this.urgencyOf(want.part.cell) });
+    }
     for (const choice of this.scheduler.order(viewing.time, RANKED)) this.enlist(choice, ranked);
     this.ranked = ranked;
   }
 
-  private enlist({ offer }: Choice<Part>, ranked: Map<Resource, Want>): void {
-    const { cell, resources } = offer.item;
-    const urgency = this.isSeen(cell) ? URGENCY.seen : URGENCY.ahead;
+  private enlist({ offer: { item: part } }: Choice<Part>, ranked: Map<Resource, Ranked>): void {
+    const { cell, resources } = part;
+    const urgency = this.urgencyOf(cell);
     for (const resource of resources) {
-      if (!ranked.has(resource)) ranked.set(resource, { resource, urgency, rank: ranked.size, distance: 0, level: cell.level });
+      if (!ranked.has(resource)) ranked.set(resource, { resource, part, urgency, rank: ranked.size, distance: 0, level: cell.level });
     }
   }
 
-  private isSeen({ reach }: Cell): boolean {
-    return seesBox(this.view!.frustum, reach);
+  private urgencyOf({ reach }: Cell): number {
+    return seesBox(this.view!.frustum, reach) ? URGENCY.seen : URGENCY.ahead;
   }
 
   private far(): number {

@@ -40,6 +40,7 @@ export class Scheduler<Item> {
   private rates = new Float64Array();
   private seconds = new Float64Array();
   private sizes = new Float64Array();
+  private parts = new Float64Array();
   private open: boolean[] = [];
   /** Nothing that is left would be there in time. */
   private late = false;
@@ -62,12 +63,13 @@ export class Scheduler<Item> {
     const { offers, shown } = this.offering.offers(this.outlook);
     const intervals = this.outlook.bounds.length - 1;
     this.held = new Float64Array(boxes.length * intervals);
-    for (const { object, accuracy } of shown) this.raise(object, accuracy);
+    for (const { object, accuracy, part } of shown) this.raise(object, accuracy, part);
     this.offers = offers;
     this.open = offers.map(() => true);
     this.taken = 0;
     this.late = false;
     this.sizes = Float64Array.from(offers, ({ size }) => size);
+    this.parts = Float64Array.from(offers, ({ part }) => part);
     this.seconds = this.sizes.map((size) => this.secondsOf(size));
     this.benefits = new Float64Array(offers.length);
     this.rates = new Float64Array(offers.length);
@@ -142,7 +144,7 @@ export class Scheduler<Item> {
       let added = 0;
       for (const { object, accuracy } of this.offers[n]!.uses) {
         const held = this.held[object * intervals + k]!;
-        const gain = accuracy[k]! - held;
+        const gain = this.parts[n]! * (accuracy[k]! - held);
         if (gain > STEADY || (gain > 0 && held === 0)) added += gain * visible[object * intervals + k]!;
       }
       total += added * (bounds[k + 1]! - begin);
@@ -175,13 +177,15 @@ export class Scheduler<Item> {
     const offer = this.offers[n]!;
     const size = this.sizes[n]!;
     const choice = { offer, size, benefit: this.benefits[n]!, seconds: this.seconds[n]! };
-    for (const { object, accuracy } of offer.uses) this.raise(object, accuracy);
+    const part = this.parts[n]!;
+    for (const { object, accuracy } of offer.uses) this.raise(object, accuracy, part);
     // What is chosen needs not come again, as a part of what is larger.
     this.offers.forEach(({ series }, other) => {
       if (series !== offer.series) return;
       this.open[other] = this.sizes[other]! > size;
       if (this.open[other]) {
         this.sizes[other]! -= size;
+        this.parts[other] = (this.parts[other]! - part) / Math.max(1 - part, 1e-6);
         this.seconds[other] = this.secondsOf(this.sizes[other]!);
       }
       this.renew(other, before);
@@ -193,11 +197,11 @@ export class Scheduler<Item> {
     return size / this.link().bandwidth + OVERHEAD;
   }
 
-  private raise(object: number, accuracy: readonly number[]): void {
+  private raise(object: number, accuracy: readonly number[], part: number): void {
     const intervals = this.outlook.bounds.length - 1;
     for (let k = 0; k < intervals; k++) {
       const place = object * intervals + k;
-      this.held[place] = Math.max(this.held[place]!, accuracy[k]!);
+      this.held[place]! += part * Math.max(accuracy[k]! - this.held[place]!, 0);
     }
   }
 }

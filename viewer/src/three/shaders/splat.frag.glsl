@@ -2,6 +2,7 @@
 
 uniform float near;
 uniform float pitch;
+uniform float behind;
 uniform vec3 sun;
 uniform bool bothSides;
 uniform highp usampler2D texels; // of the tile's patches: color, surface
@@ -25,7 +26,7 @@ vec2 patchPlace(vec2 q) {
     return vec2(v.y * q.x - v.x * q.y, u.x * q.y - u.y * q.x) / (abs(det) > 1e-9 ? det : 1e-9);
 }
 
-// What a patch shows at a place in its axes; moves `d` behind by how obliquely its view sees it.
+// What a patch shows at a place in its axes; moves `d` behind by how obliquely its view sees it, and behind finer pictures.
 vec4 patchAt(vec2 at, inout float d) {
     float edge = centre.w;
     vec2 place = at * (0.5 * edge + PATCH_MARGIN); // pitches from the middle
@@ -36,7 +37,7 @@ vec4 patchAt(vec2 at, inout float d) {
     vec3 n = normalOf(texel.g);
     if (dot(n, c) >= 0.0 && !bothSides) discard;
     if (!drawnHere(c)) discard;
-    d += pitch * (1.0 - abs(n.z));
+    d += pitch * (1.0 - abs(n.z)) + behind;
     vec3 albedo = linearFromSrgb(
         vec3(float(texel.r & 255u), float((texel.r >> 8) & 255u), float((texel.r >> 16) & 255u)) / 255.0);
     if ((texel.g & 0x100000u) != 0u) return vec4(albedo, 0.0);

@@ -5,6 +5,7 @@ in uvec3 position; // as core/orthoview/decode.ts lays it out
 
 uniform vec3 origin;    // from the eye to lattice column and row 0 of the tile at depth code 0
 uniform float pitch;
+uniform float behind;   // metres by which finer pictures of the same go before it
 uniform ivec2 lattice;  // column and row of the tile's first pixel
 uniform vec3 toX;       // rows of the linear part of the projection
 uniform vec3 toY;
@@ -96,7 +97,7 @@ void main() {
     if (!drawnHere(c)) return;
 
     // Of two views of the same surface the one that looks at it squarely shows more of it.
-    float front = d + pitch * (1.0 - abs(n.z));
+    float front = d + pitch * (1.0 - abs(n.z)) + behind;
     float inverseD = 1.0 / d;
     vec2 s = vec2(dot(toX, c), dot(toY, c)) * inverseD;
     uint cover = (position.z >> 12) & 15u; // less one, sixteenths
