@@ -8,7 +8,7 @@ import pytest
 from farfield.stream.accuracy import impostor_accuracy
 from farfield.stream.impostors import ROWS, SHARP, Impostors, SentImpostor, estimated_bytes
 from farfield.stream.link import Link
-from farfield.stream.offers import FixedObjects
+from farfield.stream.offers import SHARES, FixedObjects
 from farfield.stream.outlook import look
 from farfield.stream.scheduler import Scheduler
 from stream.test_motion import predicted, viewing
@@ -38,9 +38,9 @@ def test_held_ones_fade_as_the_viewer_goes_round(degrees: float, left: float) ->
     angle = np.radians(degrees)
     eye = (10 * np.sin(angle), 10 - 10 * np.cos(angle), 0.0)
     outlook = look(predicted(viewing(0.0, eye, forward=(-np.sin(angle), np.cos(angle), 0.0))), BOXES[:1], 0.0, FAR)
-    best = np.zeros((1, 1), np.float32)
+    best = np.zeros((1, 1, len(SHARES)), np.float32)
     impostors.shown(outlook, best)
-    assert best[0, 0] == pytest.approx(left, abs=1e-6)
+    assert best[0, 0] == pytest.approx([left] * len(SHARES), abs=1e-6)
 
 
 def test_who_moves_gets_the_view_half_way() -> None:

@@ -9,7 +9,7 @@ from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
-from farfield.stream.offers import Offers
+from farfield.stream.offers import SHARES, Offers
 from farfield.stream.outlook import look
 from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
 from farfield.stream.scheduler import Scheduler
@@ -62,7 +62,7 @@ def offers_of(pictures: Pictures, regions: Regions, seen: Viewing) -> tuple[Offe
     prediction = MotionPredictor().follow(seen)
     outlook = look(prediction, regions.boxes(prediction, 60.0), 0.0, FAR)
     offers = pictures.offers(outlook)
-    best = np.zeros(outlook.visible.shape, np.float32)
+    best = np.zeros((*outlook.visible.shape, len(SHARES)), np.float32)
     pictures.shown(outlook, best)
     return offers, best
 
@@ -76,7 +76,7 @@ def test_what_is_offered_and_shown() -> None:
     first, root = (n for n, item in enumerate(items) if item.cell == "3/0/0/0")
     # Two of the three tiles are worth their bytes, and all that is seen is below the root.
     assert offers.sizes[[first, root]].tolist() == [TILE_BYTES, 2 * TILE_BYTES]
-    assert 0 < offers.parts[first] < offers.parts[root] == 1
+    assert 0 < offers.parts[first] < offers.parts[root] == len(SHARES)
     assert offers.series[first] == offers.series[root]
     assert len(items[first].keys) == len(items[root].keys) == 1
     visible = {int(n) for n in offers.objects}
@@ -86,11 +86,11 @@ def test_what_is_offered_and_shown() -> None:
     finest = np.zeros(len(regions.cells))
     for n in range(len(items)):
         own = offers.objects[offers.uses(n)]
-        finest[own] = np.maximum(finest[own], offers.accuracy[offers.uses(n), 0] * (offers.parts[n] == 1))
+        finest[own] = np.maximum(finest[own], offers.accuracy[offers.uses(n), 0] * (offers.parts[n] == len(SHARES)))
     assert (finest[list(visible)] > offers.accuracy[offers.uses(root), 0].max()).any()
     again, best = offers_of(pictures, regions, seen)
     assert len(again.sizes) == 0
-    assert (best[list(visible), 0] == finest[list(visible)].astype(np.float32)).all()
+    assert (best[list(visible), 0] == finest[list(visible), None].astype(np.float32)).all()
 
 
 def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:

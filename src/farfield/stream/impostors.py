@@ -75,7 +75,8 @@ class Impostors:
         if self.held:
             objects = np.array([one.object for one in self.held])
             rows, eyes = np.array([one.rows for one in self.held]), np.array([one.eye for one in self.held])
-            np.maximum.at(best, objects, self._accuracy(objects, rows, eyes, outlook).astype(np.float32))
+            accuracy = self._accuracy(objects, rows, eyes, outlook).astype(np.float32)
+            np.maximum.at(best, objects, accuracy[..., None])
 
     def take(self, item: int) -> SentImpostor:
         """What to send."""

@@ -84,7 +84,7 @@ class Levels:
         own = self._objects[self.held[self._mesh_of[self._objects]] >= 0]
         mesh = self._mesh_of[own].astype(np.int64)
         found = self._accuracy(mesh, self.held[mesh], self.held_texture[mesh], outlook.whole[own])
-        best[own] = np.maximum(best[own], found)
+        best[own] = np.maximum(best[own], found[..., None])
 
     def take(self, item: int) -> SentLevel:
         """What to send."""

@@ -12,6 +12,17 @@ from numpy.typing import NDArray
 from farfield.stream.motion import Prediction
 from farfield.stream.outlook import Outlook
 
+SHARES = (0.25, 0.5, 0.75, 0.9, 1.0)
+"""What there is to see of an object is taken in parts, up to these shares of it: a cell's tiles, best first, show one
+part after the other, and those of a finer cell the same ones first."""
+WEIGHTS = np.diff(np.array([0.0, *SHARES])).astype(np.float32)
+"""(parts,) of each part."""
+
+
+def parts_of(share: float) -> int:
+    """How many parts are shown whole where so much of an object is."""
+    return sum(share >= end - 1e-6 for end in SHARES)
+
 
 @dataclass(frozen=True, slots=True)
 class Offers:
@@ -28,22 +39,19 @@ class Offers:
     series: NDArray[np.int64] | None = None
     """(m,) numbers: of items with the same, each larger one holds all that the smaller ones do, and what was sent of it
     needs not be sent again. None: each is for itself."""
-    parts: NDArray[np.float32] | None = None
-    """(m,) how much of what an object lacks to the accuracy of a use it is brought nearer to it, above 0 to 1: some
-    tiles of a cell are drawn before what showed it until then. None: all of it."""
+    parts: NDArray[np.int32] | None = None
+    """(m,) how many parts of each object it shows (SHARES). None: all."""
 
     def uses(self, item: int) -> slice:
         """Those of an item."""
         return slice(int(self.firsts[item]), int(self.firsts[item + 1]))
 
-    def split(self, items: NDArray[np.int64], parts: NDArray[np.float64]) -> Offers:
-        """Parts of some of the items, any number of each; those of one item are a series. Sizes are the whole's."""
+    def split(self, items: NDArray[np.int64], parts: NDArray[np.int32]) -> Offers:
+        """So many parts of some of the items, any number of times; those of one item are a series, as large as it."""
         counts = np.diff(self.firsts)[items]
         firsts = np.concatenate([[0], np.cumsum(counts)])
         uses = np.repeat(self.firsts[:-1][items] - firsts[:-1], counts) + np.arange(firsts[-1])
-        return Offers(
-            self.sizes[items], firsts, self.objects[uses], self.accuracy[uses], items, parts.astype(np.float32)
-        )
+        return Offers(self.sizes[items], firsts, self.objects[uses], self.accuracy[uses], items, parts)
 
     @staticmethod
     def none(intervals: int) -> Offers:
@@ -90,7 +98,7 @@ class Kind(Protocol):
         ...
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
-        """Raises best, (n, k), the accuracy of what each object is shown by, to that of what a viewer holds."""
+        """Raises best, (n, k, parts), the accuracy of what each object is shown by, to that of what a viewer holds."""
         ...
 
     def take(self, item: int) -> object:
@@ -103,7 +111,7 @@ def joined(offers: Sequence[Offers]) -> Offers:
     ends = np.cumsum([0, *(len(one.objects) for one in offers)])
     counts = np.cumsum([0, *(len(one.sizes) for one in offers)])
     own = [np.arange(len(one.sizes)) if one.series is None else one.series for one in offers]
-    parts = [np.ones(len(one.sizes), np.float32) if one.parts is None else one.parts for one in offers]
+    parts = [np.full(len(one.sizes), len(SHARES), np.int32) if one.parts is None else one.parts for one in offers]
     return Offers(
         np.concatenate([one.sizes for one in offers]),
         np.concatenate([one.firsts[:-1] + end for one, end in zip(offers, ends, strict=False)] + [ends[-1:]]),

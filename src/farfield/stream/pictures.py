@@ -12,7 +12,7 @@ from farfield.kernels.regions import find_regions
 from farfield.octree.cut import view_bin
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.motion import Prediction
-from farfield.stream.offers import Offers
+from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
 from farfield.stream.tree import CellTree, CellValues
 
@@ -22,7 +22,6 @@ AHEAD = 8.0
 STEPS = 4
 """Places on that way."""
 DEFAULT_LEAST_GAIN = 10.0
-GEOMETRY_LEVEL = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ class Pictures:
         """Keys of what the viewer has."""
         self._regions = regions
         self._items: list[SentCell] = []
-        self._there: list[tuple[int, Offers]] = []
+        self._there = Offers.none(0)
         self._useful: set[tuple[str, bool]] = set()
 
     def offers(self, outlook: Outlook) -> Offers:
@@ -100,10 +99,8 @@ class Pictures:
         first, begins = np.unique(cells, return_index=True)
         values = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
         values += [tree.geometry(int(regions.cells[leaf])) for leaf in leaves]
-        levels = np.concatenate([tree.levels[first], np.full(len(leaves), GEOMETRY_LEVEL, np.int32)])
         return self._split(
             values,
-            levels,
             np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)]),
             np.concatenate([objects, leaves]).astype(np.int32),
             np.concatenate([picture_accuracy(apart).astype(np.float32), near]),
@@ -111,11 +108,12 @@ class Pictures:
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
         """By the best that is there, as of the last offers."""
-        # From coarse to fine, each before those above it; an object is below one cell of a level.
-        for _, there in sorted(self._there, key=lambda one: one[0], reverse=True):
-            assert there.parts is not None
-            parts = np.repeat(there.parts, np.diff(there.firsts))[:, None]
-            best[there.objects] += parts * np.maximum(there.accuracy - best[there.objects], 0.0)
+        there = self._there
+        assert there.parts is not None
+        parts = np.repeat(there.parts, np.diff(there.firsts))
+        for part in range(len(SHARES)):
+            own = parts > part
+            np.maximum.at(best[:, :, part], there.objects[own], there.accuracy[own])
 
     def take(self, item: int) -> SentCell:
         """What to send."""
@@ -154,7 +152,6 @@ class Pictures:
     def _split(
         self,
         values: list[CellValues],
-        levels: NDArray[np.int32],
         firsts: NDArray[np.int64],
         objects: NDArray[np.int32],
         accuracy: NDArray[np.float32],
@@ -165,7 +162,7 @@ class Pictures:
         self._useful = {(one.cell, one.is_geometry) for one in values}
         sizes: list[int] = []
         of: list[int] = []
-        parts: list[float] = []
+        parts: list[int] = []
         shown = [one.shown_by(self.held) for one in values]
         for number, one in enumerate(values):
             lacks = [n for n, key in enumerate(one.keys) if key not in self.held]
@@ -176,15 +173,12 @@ class Pictures:
                 self._items.append(SentCell(one.cell, one.is_geometry, tuple(one.keys[n] for n in own)))
                 sizes.append(sum(one.sizes[n] for n in own))
                 of.append(number)
-                is_all = len(own) == len(lacks)
-                parts.append(1.0 if is_all else sum(one.shares[n] for n in own) / (1 - shown[number]))
-        there = np.array(shown)
-        self._there = [
-            (int(level), whole.split(own, there[own]))
-            for level in np.unique(levels)
-            if len(own := np.flatnonzero((there > 0) & (levels == level)))
-        ]
-        offers = whole.split(np.array(of, np.int64), np.array(parts))
+                adds = 1.0 if len(own) == len(lacks) else sum(one.shares[n] for n in own)
+                parts.append(parts_of(shown[number] + adds))
+        there = np.array([parts_of(share) for share in shown], np.int32)
+        held = np.flatnonzero(there)
+        self._there = whole.split(held, there[held])
+        offers = whole.split(np.array(of, np.int64), np.array(parts, np.int32))
         return replace(offers, sizes=np.array(sizes, np.int64))
 
     def _pictures(self, cell: int, eye: Floats) -> CellValues:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from farfield.kernels.benefit import added_benefits
 from farfield.stream.link import OVERHEAD, Link
 from farfield.stream.motion import MotionPredictor, Viewing
-from farfield.stream.offers import Kind, Objects, Offers, joined
+from farfield.stream.offers import SHARES, WEIGHTS, Kind, Objects, Offers, joined
 from farfield.stream.outlook import Outlook, cutoff, look
 
 STEADY = 0.02
@@ -61,9 +61,9 @@ class Scheduler:
         self._counts: list[int] = []
         self._open = np.zeros(0, bool)
         self._sizes = np.zeros(0, np.int64)
-        self._parts = np.zeros(0, np.float32)
         self._late = False
-        self._held = self._visible = np.zeros((0, 0), np.float32)
+        self._held = np.zeros((0, 0, len(SHARES)), np.float32)
+        self._visible = np.zeros((0, 0), np.float32)
         self._seconds = self._benefits = self._rates = np.zeros(0)
 
     def follow(self, viewing: Viewing, now: float) -> None:
@@ -76,9 +76,7 @@ class Scheduler:
         self._offers = joined(found)
         self._open = np.ones(len(self._offers.sizes), bool)
         self._sizes = self._offers.sizes.copy()
-        assert self._offers.parts is not None
-        self._parts = self._offers.parts.copy()
-        self._held = np.zeros(outlook.visible.shape, np.float32)
+        self._held = np.zeros((*outlook.visible.shape, len(SHARES)), np.float32)
         for kind in self._kinds:
             kind.shown(outlook, self._held)
         self._visible = outlook.visible
@@ -136,10 +134,11 @@ class Scheduler:
         offers, outlook = self._offers, self._outlook
         assert offers is not None
         assert outlook is not None
+        assert offers.parts is not None
         found = np.zeros(len(items))
         added_benefits(
-            items, arrivals, offers.firsts, self._parts, offers.objects, offers.accuracy, self._held, self._visible,
-            outlook.bounds, STEADY, found,
+            items, arrivals, offers.firsts, offers.parts, offers.objects, offers.accuracy, self._held, self._visible,
+            outlook.bounds, WEIGHTS, STEADY, found,
         )  # fmt: skip
         return found
 
@@ -169,7 +168,9 @@ class Scheduler:
         benefit, seconds, size = float(self._benefits[item]), float(self._seconds[item]), int(self._sizes[item])
         uses = offers.uses(item)
         shown = offers.objects[uses]
-        self._held[shown] += self._parts[item] * np.maximum(offers.accuracy[uses] - self._held[shown], 0.0)
+        assert offers.parts is not None
+        parts = slice(int(offers.parts[item]))
+        self._held[shown, :, parts] = np.maximum(self._held[shown, :, parts], offers.accuracy[uses][..., None])
         self._shrink(offers, item, before)
         number, kind = item, 0
         while number >= self._counts[kind]:
@@ -186,6 +187,5 @@ class Scheduler:
         self._open[same] = False
         self._open[larger] = True
         self._sizes[larger] -= self._sizes[item]
-        self._parts[larger] = (self._parts[larger] - self._parts[item]) / np.maximum(1 - self._parts[item], 1e-6)
         self._seconds[larger] = self._sizes[larger] / self.link.bandwidth + OVERHEAD
         self._renew(same, before)

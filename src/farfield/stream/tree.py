@@ -11,13 +11,12 @@ import numpy as np
 
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
+from farfield.stream.offers import SHARES
 from farfield.world.index import CellEntry
 from farfield.world.keys import geometry_key, mesh_key, orthoview_key
 from farfield.world.world import World
 
 NONE = -1
-SHOWN = (0.25, 0.5, 0.75, 0.9, 1.0)
-"""Shares of a cell for which its best tiles are offered."""
 LAYERS = 2
 """Depth layers that are drawn of a view."""
 REMEMBERED = 20_000
@@ -116,6 +115,6 @@ class CellTree:
 
 
 def _steps(shares: Sequence[float]) -> tuple[int, ...]:
-    """How many tiles, best first, show each of SHOWN of the whole."""
+    """How many tiles, best first, show each of SHARES of the whole."""
     reached = np.cumsum(shares)
-    return tuple(sorted({int(np.argmax(reached >= share - 1e-6)) + 1 for share in SHOWN}))
+    return tuple(sorted({int(np.argmax(reached >= share - 1e-6)) + 1 for share in SHARES}))

@@ -5,15 +5,13 @@ import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { pictureAccuracy } from "./accuracy.js";
 import type { Prediction } from "./motion.js";
-import type { Offer, Offering, Shown, Use } from "./offers.js";
+import { partsOf, SHARES, type Offer, type Offering, type Shown, type Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
 
 /** Seconds for which cells are made out fine enough for where the viewer will be. */
 const AHEAD = 8;
 /** Places on that way. */
 const STEPS = 4;
-/** Shares of a cell for which its best tiles are offered. */
-const SHOWN = [0.25, 0.5, 0.75, 0.9, 1];
 
 /** Pictures or geometry of a cell. */
 export interface Part {
@@ -84,8 +82,7 @@ export class Pictures implements Offering<Part> {
     });
     this.useful = { pictures: new Set(uses.keys()), geometry: new Set(geometry.map(([cell]) => cell)) };
     const found: Found = { offers: [], shown: [] };
-    const coarseFirst = [...uses].sort(([a], [b]) => b.level - a.level);
-    for (const [cell, shows] of coarseFirst) this.addPictures(found, cell, outlook.eyes[0]!, shows);
+    for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
     for (const [cell, shows] of geometry) this.addGeometry(found, cell, shows);
     return found;
   }
@@ -101,7 +98,7 @@ export class Pictures implements Offering<Part> {
     const tiles = tilesWanted(cell, directions, eye, choice);
     const shares = sharesOf(cell, tiles, eye);
     const held = tiles.reduce((sum, { state }, n) => sum + (state === "absent" || state === "bad" ? 0 : shares[n]!), 0);
-    if (held > 0) shown.push(...uses.map((use) => ({ ...use, part: held })));
+    if (partsOf(held) > 0) shown.push(...uses.map((use) => ({ ...use, parts: partsOf(held) })));
     const absent = tiles.filter((tile) => tile.state === "absent" && !lacks(tile));
     const series = {};
     let count = 0;
@@ -110,8 +107,8 @@ export class Pictures implements Offering<Part> {
       if (resources.length === count) continue;
       count = resources.length;
       const whole = count === absent.length && absent.length === tiles.filter(({ state }) => state === "absent").length;
-      const adds = resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, 0);
-      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses, part: whole ? 1 : adds / (1 - held), series });
+      const parts = partsOf(whole ? 1 : resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, held));
+      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses, parts, series });
     }
   }
 
@@ -120,8 +117,8 @@ export class Pictures implements Offering<Part> {
     const parts = [cell.geometry!.leaf, ...cell.geometry!.meshes];
     if (parts.some(this.view().lacks)) return;
     const resources = parts.filter(({ state }) => state === "absent");
-    if (resources.length === 0) shown.push({ ...uses, part: 1 });
-    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], part: 1, series: {} });
+    if (resources.length === 0) shown.push({ ...uses, parts: SHARES.length });
+    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], parts: SHARES.length, series: {} });
   }
 }
 
@@ -129,11 +126,11 @@ function bytesOf(resources: readonly Resource[]): number {
   return resources.reduce((sum, { bytes }) => sum + bytes, 0);
 }
 
-/** How many tiles, best first, show each of SHOWN of the whole. */
+/** How many tiles, best first, show each of SHARES of the whole. */
 function steps(shares: readonly number[]): Set<number> {
   let sum = 0;
   const reached = shares.map((share) => (sum += share));
-  return new Set(SHOWN.map((share) => reached.findIndex((one) => one >= share - 1e-6) + 1));
+  return new Set(SHARES.map((share) => reached.findIndex((one) => one >= share - 1e-6) + 1));
 }
 
 function regions({ roots, radius, near }: CellsView, eyes: readonly Vector3[]): Cell[] {

@@ -1,5 +1,5 @@
 import { MotionPredictor, type Viewing } from "./motion.js";
-import type { Offer, Offering } from "./offers.js";
+import { SHARES, type Offer, type Offering } from "./offers.js";
 import { cutoff, look, type Outlook } from "./outlook.js";
 
 /** An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2). */
@@ -10,6 +10,9 @@ const OTHERWISE = 0.1;
 const RIVALS = 4;
 /** Seconds that an item takes besides its bytes. */
 const OVERHEAD = 0.002;
+const PARTS = SHARES.length;
+/** How much of an object each part is. */
+const WEIGHTS = SHARES.map((end, n) => end - (n > 0 ? SHARES[n - 1]! : 0));
 
 /** What to fetch. */
 export interface Choice<Item> {
@@ -40,7 +43,6 @@ export class Scheduler<Item> {
   private rates = new Float64Array();
   private seconds = new Float64Array();
   private sizes = new Float64Array();
-  private parts = new Float64Array();
   private open: boolean[] = [];
   /** Nothing that is left would be there in time. */
   private late = false;
@@ -62,14 +64,13 @@ export class Scheduler<Item> {
     this.outlook = look(prediction, boxes, now, far, OTHERWISE);
     const { offers, shown } = this.offering.offers(this.outlook);
     const intervals = this.outlook.bounds.length - 1;
-    this.held = new Float64Array(boxes.length * intervals);
-    for (const { object, accuracy, part } of shown) this.raise(object, accuracy, part);
+    this.held = new Float64Array(boxes.length * intervals * PARTS);
+    for (const { object, accuracy, parts } of shown) this.raise(object, accuracy, parts);
     this.offers = offers;
     this.open = offers.map(() => true);
     this.taken = 0;
     this.late = false;
     this.sizes = Float64Array.from(offers, ({ size }) => size);
-    this.parts = Float64Array.from(offers, ({ part }) => part);
     this.seconds = this.sizes.map((size) => this.secondsOf(size));
     this.benefits = new Float64Array(offers.length);
     this.rates = new Float64Array(offers.length);
@@ -136,16 +137,20 @@ export class Scheduler<Item> {
   /** Pixel seconds that an item adds to what is there, from its arrival to the cut-off: the added-benefit integral (BEN 5). */
   private added(n: number, arrival: number): number {
     const { bounds, visible } = this.outlook;
+    const { uses, parts } = this.offers[n]!;
     const intervals = bounds.length - 1;
     let total = 0;
     for (let k = 0; k < intervals; k++) {
       const begin = Math.max(bounds[k]!, arrival);
       if (begin >= bounds[k + 1]!) continue;
       let added = 0;
-      for (const { object, accuracy } of this.offers[n]!.uses) {
-        const held = this.held[object * intervals + k]!;
-        const gain = this.parts[n]! * (accuracy[k]! - held);
-        if (gain > STEADY || (gain > 0 && held === 0)) added += gain * visible[object * intervals + k]!;
+      for (const { object, accuracy } of uses) {
+        const place = object * intervals + k;
+        for (let part = 0; part < parts; part++) {
+          const held = this.held[place * PARTS + part]!;
+          const gain = accuracy[k]! - held;
+          if (gain > STEADY || (gain > 0 && held === 0)) added += gain * WEIGHTS[part]! * visible[place]!;
+        }
       }
       total += added * (bounds[k + 1]! - begin);
     }
@@ -177,15 +182,13 @@ export class Scheduler<Item> {
     const offer = this.offers[n]!;
     const size = this.sizes[n]!;
     const choice = { offer, size, benefit: this.benefits[n]!, seconds: this.seconds[n]! };
-    const part = this.parts[n]!;
-    for (const { object, accuracy } of offer.uses) this.raise(object, accuracy, part);
+    for (const { object, accuracy } of offer.uses) this.raise(object, accuracy, offer.parts);
     // What is chosen needs not come again, as a part of what is larger.
     this.offers.forEach(({ series }, other) => {
       if (series !== offer.series) return;
       this.open[other] = this.sizes[other]! > size;
       if (this.open[other]) {
         this.sizes[other]! -= size;
-        this.parts[other] = (this.parts[other]! - part) / Math.max(1 - part, 1e-6);
         this.seconds[other] = this.secondsOf(this.sizes[other]!);
       }
       this.renew(other, before);
@@ -197,11 +200,11 @@ export class Scheduler<Item> {
     return size / this.link().bandwidth + OVERHEAD;
   }
 
-  private raise(object: number, accuracy: readonly number[], part: number): void {
+  private raise(object: number, accuracy: readonly number[], parts: number): void {
     const intervals = this.outlook.bounds.length - 1;
     for (let k = 0; k < intervals; k++) {
-      const place = object * intervals + k;
-      this.held[place]! += part * Math.max(accuracy[k]! - this.held[place]!, 0);
+      const first = (object * intervals + k) * PARTS;
+      for (let place = first; place < first + parts; place++) this.held[place] = Math.max(this.held[place]!, accuracy[k]!);
     }
   }
 }
