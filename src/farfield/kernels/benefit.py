@@ -28,9 +28,10 @@ def added_benefits(  # type: ignore[no-untyped-def]
 
     items: (l,) int64, numbers of the items to look at. arrivals: (l,) float64, when each would be there, seconds from
     where bounds begin. firsts: (m + 1,) int64: uses firsts[i] to firsts[i + 1] - 1 are those of item i. parts: (m,)
-    int32, how many parts of its objects it shows. objects: (u,) int32, the object of each use. accuracy: (u, k) float32,
-    of the use in each interval. held: (n, k, p) float32, accuracy of the best that each part of each object has. visible: (n, k) float32, pixels, times importance. bounds: (k + 1,) float64,
-    seconds. weights: (p,) float32, of the parts. least: gains that change a picture less do not count. benefits: (l,) float64 out, pixel seconds.
+    int32, how many parts of its objects it shows. objects: (u,) int32, the object of each use. accuracy: (u, k)
+    float32, of the use in each interval. held: (n, k, p) float32, accuracy of the best that each part of each object
+    has. visible: (n, k) float32, pixels, times importance. bounds: (k + 1,) float64, seconds. weights: (p,) float32,
+    of the parts. least: gains that change a picture less do not count. benefits: (l,) float64 out, pixel seconds.
     """
     intervals = bounds.shape[0] - 1
     for n in range(items.shape[0]):

@@ -57,9 +57,9 @@ def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:
 def picture_accuracy(pitch: ArrayLike) -> Floats:
     """Of a cell's pictures against its geometry, by how wide their pixels are on the screen; no part of the thesis.
 
-    pitch: pixels of the screen from one pixel of a picture to the next. Measured as 1 - FLIP / FLIP of nothing at all: three
-    scenes from three sides each, with pixels as wide as the screen's and twice to sixteen times as wide: .91, .86, .81,
-    .74, .70 (docs/performance.md, What comes first on a slow link).
+    pitch: pixels of the screen from one pixel of a picture to the next. Measured as 1 - FLIP / FLIP of nothing at all:
+    three scenes from three sides each, with pixels as wide as the screen's and twice to sixteen times as wide: .91,
+    .86, .81, .74, .70 (docs/performance.md, What comes first on a slow link).
     """
     blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
     return np.asarray(np.maximum(PICTURE - BLUR * blur, COARSEST))

@@ -170,7 +170,7 @@ class MotionPredictor:
         if movement is not Movement.STRAIGHT:
             return False
         along = float(goes.velocity @ self._course)
-        return along < np.cos(TURNED) * goes.speed * float(np.linalg.norm(self._course))
+        return along < float(np.cos(TURNED)) * goes.speed * float(np.linalg.norm(self._course))
 
     def _straightened(self, viewing: Viewing, movement: Movement) -> Viewing:
         """A curve's velocity in the mean direction of the last second, as fast as now."""
