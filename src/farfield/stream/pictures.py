@@ -70,6 +70,19 @@ class Regions:
         return np.asarray(tree.bounds[self.cells])
 
 
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """What a viewer lacks of a cell, as far as each step."""
+
+    of: CellValues
+    items: list[SentCell]
+    sizes: list[int]
+    parts: list[int]
+    """That are shown with each."""
+    shown: int
+    """Parts that are shown now."""
+
+
 class Pictures:
     """Pictures of cells and of those above them, and geometry of near leaves, for one viewer.
 
@@ -83,7 +96,8 @@ class Pictures:
         self._regions = regions
         self._items: list[SentCell] = []
         self._there = Offers.none(0)
-        self._useful: set[tuple[str, bool]] = set()
+        self._steps: dict[tuple[str, bool], _Steps] = {}
+        """Of the cells of the last offers, as long as nothing of them is taken or dropped."""
 
     def offers(self, outlook: Outlook) -> Offers:
         """What is not there yet of the cells that will be seen, and of all above them."""
@@ -120,19 +134,30 @@ class Pictures:
         found = self._items[item]
         found = replace(found, keys=tuple(key for key in found.keys if key not in self.held))
         self.held.update(found.keys)
+        # Meshes are shared by leaves.
+        stale = [known for known in self._steps if known == (found.cell, found.is_geometry) or known[1]]
+        for known in stale:
+            self._steps[known] = self._steps_of(self._steps[known].of)
         return found
 
     def is_useful(self, item: SentCell) -> bool:
         """Whether it would still show something, as of the last offers."""
-        return (item.cell, item.is_geometry) in self._useful
+        return (item.cell, item.is_geometry) in self._steps
 
     def keep(self, keys: Collection[str]) -> None:
         """The viewer has these and nothing else."""
         self.held = set(keys)
+        self._steps = {}
+
+    def hold(self, keys: Collection[str]) -> None:
+        """The viewer has these as well."""
+        self.held.update(keys)
+        self._steps = {}
 
     def drop(self, keys: Collection[str]) -> None:
         """The viewer has these no longer."""
         self.held.difference_update(keys)
+        self._steps = {}
 
     def _chains(self, outlook: Outlook) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Pairs of a cell with pictures and an object that it would show: the object's own cell, or one above it."""
@@ -158,28 +183,34 @@ class Pictures:
     ) -> Offers:
         """Offers what is not complete, in steps; and takes note of what the viewer shows by what it has."""
         whole = Offers(np.zeros(len(values), np.int64), firsts, objects, accuracy)
-        self._items = []
-        self._useful = {(one.cell, one.is_geometry) for one in values}
-        sizes: list[int] = []
-        of: list[int] = []
-        parts: list[int] = []
-        shown = [one.shown_by(self.held) for one in values]
-        for number, one in enumerate(values):
-            lacks = [n for n, key in enumerate(one.keys) if key not in self.held]
-            for end in one.steps:
-                own = [n for n in lacks if n < end]
-                if not own or (of and of[-1] == number and len(own) == len(self._items[-1].keys)):
-                    continue
-                self._items.append(SentCell(one.cell, one.is_geometry, tuple(one.keys[n] for n in own)))
-                sizes.append(sum(one.sizes[n] for n in own))
-                of.append(number)
-                adds = 1.0 if len(own) == len(lacks) else sum(one.shares[n] for n in own)
-                parts.append(parts_of(shown[number] + adds))
-        there = np.array([parts_of(share) for share in shown], np.int32)
+        before, self._steps = self._steps, {}
+        for one in values:
+            name = one.cell, one.is_geometry
+            known = before.get(name)
+            # Most cells are as they were: without this a look at 161 cells took 3 ms.
+            self._steps[name] = known if known and known.of is one else self._steps_of(one)
+        steps = list(self._steps.values())
+        self._items = [item for one in steps for item in one.items]
+        there = np.array([one.shown for one in steps], np.int32)
         held = np.flatnonzero(there)
         self._there = whole.split(held, there[held])
-        offers = whole.split(np.array(of, np.int64), np.array(parts, np.int32))
-        return replace(offers, sizes=np.array(sizes, np.int64))
+        of = np.repeat(np.arange(len(steps)), [len(one.items) for one in steps])
+        offers = whole.split(of, np.array([part for one in steps for part in one.parts], np.int32))
+        return replace(offers, sizes=np.array([size for one in steps for size in one.sizes], np.int64))
+
+    def _steps_of(self, one: CellValues) -> _Steps:
+        lacks = [n for n, key in enumerate(one.keys) if key not in self.held]
+        shown = one.shown_by(self.held)
+        found = _Steps(one, [], [], [], parts_of(shown))
+        for end in one.steps:
+            own = [n for n in lacks if n < end]
+            if not own or (found.items and len(own) == len(found.items[-1].keys)):
+                continue
+            found.items.append(SentCell(one.cell, one.is_geometry, tuple(one.keys[n] for n in own)))
+            found.sizes.append(sum(one.sizes[n] for n in own))
+            adds = 1.0 if len(own) == len(lacks) else sum(one.shares[n] for n in own)
+            found.parts.append(parts_of(shown + adds))
+        return found
 
     def _pictures(self, cell: int, eye: Floats) -> CellValues:
         tree = self._regions.tree

@@ -128,7 +128,7 @@ class Session:
         """The viewer has these. Raises ProtocolError when it says so of too many."""
         if len(self._pictures.held) + len(keys) > MOST_HELD:
             raise ProtocolError("holds too much")
-        self._pictures.held.update(keys)
+        self._pictures.hold(keys)
 
     async def send(self) -> None:
         """Sends until it is cancelled."""
