@@ -142,8 +142,11 @@ def in_browser(folder: Path) -> dict[str, float]:
             with opened_browser() as browser, visit(browser, shown, view | {"kind": kind}, SIZE) as (page, gate):
                 gate.limit = 1 << 40
                 settle(page, gate)
-                found |= {f"{shown_by(kind)}_{name.removeprefix('frame_')}": v for name, v in draw_ms(page).items()}
+                took = draw_ms(page)
                 state = page.evaluate("show.state()")
+                if not (state.get("splats") or state.get("triangles")):
+                    raise RuntimeError(f"the browser drew nothing of the {kind}")
+                found |= {f"{shown_by(kind)}_{name.removeprefix('frame_')}": v for name, v in took.items()}
                 found |= {name: state[name] for name in ("splats", "triangles") if name in state}
         except (BrowserError, RuntimeError) as error:
             found["failed"] = str(error).splitlines()[0][:200]
