@@ -43,7 +43,7 @@ FOLDER = Path(__file__).parent
 WORK = FOLDER.parent / "worlds" / "quality"
 DATA = Path(os.environ.get("FARFIELD_SHARED_DATA", FOLDER.parent.parent / "shared/data"))
 SIZE = 640, 480
-LEAF_SIZE = {"tokyo": 128.0, "forest": 32.0, "statues": 4.0}
+LEAF_SIZE = {"tokyo": 128.0, "forest": 32.0, "statues": 4.0, "avenues": 128.0}
 """Metres: some 70 leaves a scene, and its side is twice the near radius of the far cameras."""
 LEVELS_UP = {"leaf": 0, "far": 2}
 GOALS = {"tokyo": (29.5, 0.07), "forest": (26.5, 0.15), "statues": (33.0, 0.042)}

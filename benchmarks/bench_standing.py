@@ -69,6 +69,7 @@ PLACES = {
     "statues": (((-9, -9, 0.5), (0, 0, 0.5)), ((-10, -10, 2.5), (0, 0, 0.5)), ((-14, -14, 10), (0, 0, 0))),
 }  # fmt: skip
 """Eyes and targets: street, roof, bird."""
+PLACES["avenues"] = PLACES["tokyo"]
 
 Pixels = NDArray[np.uint8]
 

@@ -1,19 +1,22 @@
-"""The three scenes on which picture quality is measured, written as scene.toml from the large public inputs.
+"""The scenes on which picture quality is measured, written as scene.toml from the large public inputs.
 
-    python benchmarks/scenes.py DATA OUTPUT [tokyo|forest|statues ...]
+    python benchmarks/scenes.py DATA OUTPUT [tokyo|forest|statues|avenues ...]
 
 tokyo: 1 km x 1 km of tokyo_core_lod2 round its middle, façades, on asphalt. forest: 400 trees of four kinds on
-200 m x 200 m of grass. statues: 64 of five, 2 m long or high, on a paved plane. The same inputs give the same scenes.
+200 m x 200 m of grass. statues: 64 of five, 2 m long or high, on a paved plane. avenues: tokyo with 400 trees of two
+kinds in its streets. The same inputs give the same scenes.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from farfield.scene.gltf import read_gltf
@@ -25,22 +28,52 @@ MIDDLE = (-2000.0, -1500.0)
 """Metres from the archive's origin: the middle of EPSG:6677 E -13500..-2500, N -41500..-31500."""
 TOKYO_ORIGIN = (-8192.0, -37888.0)
 """EPSG:6677 coordinates of the scene's zero."""
+MAP_MIDDLE = (-6000.0, -35000.0)
+"""EPSG:6677 coordinates of the archive's origin."""
+PLATEAU = "github.com/indigo-lab/plateau-lod2-mvt, from Project PLATEAU (MLIT Japan); CC BY 4.0"
+EZTREE = "Trees: ez-tree by Daniel Greenheck (MIT)"
 TREES = ("oak_dense", "pine_dense", "ash_large", "aspen_large")
+STREET_TREES = ("ash_large", "aspen_large")
 STATUES = ("pan", "theodoric_the_great", "jenner", "horse_head", "eagle")
 
 
 def tokyo(data: Path, folder: Path) -> Path:
     """Prisms whose first vertex lies in the square; the ground reaches below all of them. Returns the scene.toml."""
-    x, y = MIDDLE
-    shapes, heights = read_archive(data / "tokyo_core_lod2/roofs.npz", (x - 500, y - 500, x + 500, y + 500))
+    return _city(data, folder, [PLATEAU], [])
+
+
+def avenues(data: Path, folder: Path) -> Path:
+    """Tokyo with 400 trees 8 m apart at least and 4 m from its buildings, turned and scaled by seed."""
+    random = np.random.default_rng(6677)
+    walls = shapely.union_all(shapely.buffer(_shapes(data)[0], 4.0, quad_segs=2))
+    shapely.prepare(walls)
+    places = _apart(random, 4000, 500.0, 8.0)
+    in_map = places + np.array(MIDDLE) + MAP_MIDDLE
+    places = (in_map - np.array(TOKYO_ORIGIN))[~shapely.contains_xy(walls, in_map)][:400]
+    count = len(places)
+    table = np.column_stack([places, np.zeros(count), random.uniform(0, 360, count), random.uniform(0.8, 1.2, count)])
+    sources = []
+    for k, name in enumerate(STREET_TREES):
+        np.save(folder / f"{name}.npy", table[k :: len(STREET_TREES)])
+        sources.append(_source(data / f"eztree_trees/{name}.glb", f"{name}.npy"))
+    return _city(data, folder, [PLATEAU, EZTREE], sources)
+
+
+def _city(data: Path, folder: Path, credits: list[str], sources: list[str]) -> Path:
+    shapes, heights = _shapes(data)
     write_flatgeobuf(folder / "buildings.fgb", shapes, heights)
-    center = np.array(MIDDLE) + (-6000, -35000) - np.array(TOKYO_ORIGIN)
+    center = np.array(MIDDLE) + MAP_MIDDLE - np.array(TOKYO_ORIGIN)
     return _write(folder, [
         'crs = "EPSG:6677"', f"origin = [{TOKYO_ORIGIN[0]}, {TOKYO_ORIGIN[1]}, 0.0]",
-        'credits = ["github.com/indigo-lab/plateau-lod2-mvt, from Project PLATEAU (MLIT Japan); CC BY 4.0"]',
-        '[[source]]\npath = "buildings.fgb"\nheight_attribute = "height"',
+        f"credits = {json.dumps(credits)}",
+        '[[source]]\npath = "buildings.fgb"\nheight_attribute = "height"', *sources,
         _ground(1240, "asphalt", (float(center[0]), float(center[1]))),
     ])  # fmt: skip
+
+
+def _shapes(data: Path) -> tuple[NDArray[np.object_], NDArray[np.float64]]:
+    x, y = MIDDLE
+    return read_archive(data / "tokyo_core_lod2/roofs.npz", (x - 500, y - 500, x + 500, y + 500))
 
 
 def forest(data: Path, folder: Path) -> Path:
@@ -48,7 +81,7 @@ def forest(data: Path, folder: Path) -> Path:
     random = np.random.default_rng(400)
     places = _apart(random, 400, 100.0, 4.0)
     table = np.column_stack([places, np.zeros(400), random.uniform(0, 360, 400), random.uniform(0.8, 1.2, 400)])
-    lines = ['credits = ["Trees: ez-tree by Daniel Greenheck (MIT)"]']
+    lines = [f"credits = {json.dumps([EZTREE])}"]
     for k, name in enumerate(TREES):
         np.save(folder / f"{name}.npy", table[k::4])
         lines.append(_source(data / f"eztree_trees/{name}.glb", f"{name}.npy"))
@@ -74,7 +107,12 @@ def statues(data: Path, folder: Path) -> Path:
     return _write(folder, [*lines, _ground(28, "paving", (0.0, 0.0), 12.0)])
 
 
-SCENES: dict[str, Callable[[Path, Path], Path]] = {"tokyo": tokyo, "forest": forest, "statues": statues}
+SCENES: dict[str, Callable[[Path, Path], Path]] = {
+    "tokyo": tokyo,
+    "forest": forest,
+    "statues": statues,
+    "avenues": avenues,
+}
 
 
 def make(name: str, data: Path, output: Path) -> Path:
