@@ -60,7 +60,8 @@ function materialOf({ material: { map, color, side, alphaTest, alphaMode }, geom
   const defines = { TURNED: side === DoubleSide ? 1 : 0 };
   if (map) {
     defines.TEXTURED = "";
-    map.anisotropy = 4;
+    // 4 gives 0.8 dB more in Tokyo, and frames of 26 s in place of 0.4 in software.
+    map.anisotropy = 1;
     map.updateMatrix();
   }
   const vertexColors = geometry.hasAttribute("color");

@@ -69,11 +69,12 @@ export class Pictures implements Offering<Part> {
     this.cells.forEach((cell, object) => {
       const away = outlook.eyes.map((eye) => distanceTo(cell.bounds, eye));
       const own = outlook.visible.subarray(object * intervals, (object + 1) * intervals);
-      if (!own.some((pixels) => pixels > 0)) return;
+      if (!own.some((pixels) => pixels > 0) || (farOnly && away.every((metres) => metres < near))) return;
       for (let above: Cell | null = cell; above; above = above.parent) {
         if (above.views.size === 0) continue;
         const apart = outlook.focal * pitch * 2 ** above.level;
-        const use = { object, accuracy: away.map((metres) => pictureAccuracy(apart / Math.max(metres, 1e-9))) };
+        const accuracy = away.map((metres) => (farOnly && metres < near ? 0 : pictureAccuracy(apart / Math.max(metres, 1e-9))));
+        const use = { object, accuracy };
         uses.set(above, [...(uses.get(above) ?? []), use]);
       }
       if (!farOnly && cell.geometry && away.some((metres) => metres < near)) {
