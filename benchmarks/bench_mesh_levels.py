@@ -6,9 +6,10 @@
 
 The three scenes of benchmarks/scenes.py, and Tokyo with façades of which no two are alike; trees and statues as
 instances and as copies. Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out
-what is nearer than r, 4 r or 16 r. The link is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes as they
-are sent (viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a frame,
-until its pixels can be read. Worlds, tilesets and true pictures are kept in the work folder.
+what is nearer than r, 4 r or 16 r. The link, 20 Mbit/s with a round trip of 40 ms, is cut after 0.5, 2, 8 and 32 MB of
+a world's or a tileset's bytes as they are sent (viewers' code apart): what has arrived is drawn and compared with the
+true picture; then time of a frame, until its pixels can be read. Worlds, tilesets and true pictures are kept in the
+work folder.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from bench_quality import DATA, LEAF_SIZE, WORK, Case, baked, small_case, truth
 from farfield.bake.options import BakeOptions
 from farfield.quality.metrics import compare
 from farfield.scene.read import read_scene
+from farfield.serve.throttle import Link, Throttle
 from farfield.view.path import read_path
 from mesh_levels.gate import Gate, served
 from mesh_levels.packages import missing
@@ -52,6 +54,8 @@ from e2e.browsing import opened_browser
 FOLDER = Path(__file__).parent
 LIMITS = (500_000, 2_000_000, 8_000_000, 32_000_000)
 """Bytes after which the link is cut."""
+LINK = Link(20e6 / 8, 0.04)
+"""Order matters where bytes take time: over a link without limits both viewers ask for everything at once."""
 LEVELS = {"r": (0, ""), "4r": (2, "_far"), "16r": (4, "_farther")}
 """Cameras -> levels up, and end of the name of their file."""
 CAMERAS = (0, 4, 8)
@@ -227,7 +231,7 @@ def visit(browser: Browser, shown: Path, view: dict[str, Any], size: tuple[int, 
 
     view: as in mesh_levels/show.js. Raises RuntimeError when anything was said on its console.
     """
-    gate = Gate(site(shown), counted)
+    gate = Gate(Throttle(site(shown), LINK), counted)
     with served(gate) as url:
         context = browser.new_context(viewport={"width": size[0], "height": size[1]})
         page = context.new_page()
