@@ -41,7 +41,8 @@ BANDWIDTH = 20e6 / 8
 DELAY = 0.04
 """Seconds of the round trip."""
 DRAWN_EVERY = 10
-"""Frames, where drawing is timed: software takes seconds for each."""
+"""Frames, where drawing is timed: software takes seconds for each. One that comes after nine that are not drawn has all
+that they would have uploaded to do, and an older picture to cull by."""
 AHEAD = 8.0
 """Seconds, the viewer's default."""
 
@@ -99,8 +100,8 @@ def _both(browser: Browser, journey: Journey, bandwidth: float) -> dict[str, Flo
     return {name: fly(browser, one, bandwidth, DELAY) for name, one in journeys.items()}
 
 
-def _drawn(browser: Browser, journey: Journey) -> Flown:
-    return fly(browser, replace(_with(journey, ahead=AHEAD), drawn_every=DRAWN_EVERY), BANDWIDTH, DELAY)
+def _drawn(browser: Browser, journey: Journey, every: int = DRAWN_EVERY) -> Flown:
+    return fly(browser, replace(_with(journey, ahead=AHEAD), drawn_every=every), BANDWIDTH, DELAY)
 
 
 def _with(journey: Journey, **options: Any) -> Journey:
@@ -152,13 +153,13 @@ def main() -> None:
     parser.add_argument("--save", type=Path)
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--drawn", action="store_true", help="looking ahead only, every tenth frame drawn and timed")
+    parser.add_argument("--drawn", type=int, metavar="N", help="looking ahead only, every Nth frame drawn and timed")
     given = parser.parse_args()
     kept: dict[str, Any] = json.loads(given.save.read_text()) if given.save and given.save.exists() else {}
     with opened_browser() as browser:
         for name in given.scenes:
             journey = replace(SCENES[name](), seconds=given.seconds)
-            flown = {"drawn": _drawn(browser, journey)} if given.drawn else _both(browser, journey, BANDWIDTH)
+            flown = {"drawn": _drawn(browser, journey, given.drawn)} if given.drawn else _both(browser, journey, BANDWIDTH)
             print(json.dumps({name: _facts(flown)}, indent=1), flush=True)
             one = kept.setdefault(name, {"curves": {}, "facts": {}})
             one["facts"] |= _facts(flown)
