@@ -159,7 +159,9 @@ def main() -> None:
     with opened_browser() as browser:
         for name in given.scenes:
             journey = replace(SCENES[name](), seconds=given.seconds)
-            flown = {"drawn": _drawn(browser, journey, given.drawn)} if given.drawn else _both(browser, journey, BANDWIDTH)
+            flown = (
+                {"drawn": _drawn(browser, journey, given.drawn)} if given.drawn else _both(browser, journey, BANDWIDTH)
+            )
             print(json.dumps({name: _facts(flown)}, indent=1), flush=True)
             one = kept.setdefault(name, {"curves": {}, "facts": {}})
             one["facts"] |= _facts(flown)
