@@ -99,7 +99,11 @@ def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
     offers, _ = offers_of(pictures, regions, seen)
     sizes = sorted(int(size) for size in offers.sizes if size >= GEOMETRY_BYTES)
     assert sizes[0] == GEOMETRY_BYTES
-    assert sizes[-1] == GEOMETRY_BYTES + SHARED[1]
+    assert GEOMETRY_BYTES + SHARED[1] in sizes
+    # And all at once, with the mesh that several of them place.
+    leaves = len(sizes) - 1
+    assert sizes[-1] == leaves * GEOMETRY_BYTES + SHARED[1]
+    assert len(offers.objects[offers.uses(len(offers.sizes) - 1)]) == leaves
     items = [pictures.take(n) for n in range(len(offers.sizes))]
     near = [item for item in items if item.is_geometry]
     assert any(item.keys[1:] == (f"mesh/{SHARED[0]}",) for item in near)

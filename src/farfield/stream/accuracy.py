@@ -14,10 +14,8 @@ FULL_ANGLE = np.radians(60.0)
 
 PICTURE = 0.92
 """Of pictures whose pixels are no wider than the screen's."""
-BLUR = 0.055
-"""By which pictures twice as coarse are worse."""
-COARSEST = 0.2
-"""Of pictures of a few pixels: better than nothing."""
+BLUR = 0.03, 0.0065
+"""By which pictures are worse for each time that they are twice as coarse, and for the square of that."""
 
 
 def level_accuracy(area: ArrayLike, faces: ArrayLike, all_faces: ArrayLike) -> Floats:
@@ -59,10 +57,11 @@ def picture_accuracy(pitch: ArrayLike) -> Floats:
 
     pitch: pixels of the screen from one pixel of a picture to the next. Measured as 1 - FLIP / FLIP of nothing at all:
     three scenes from three sides each, with pixels as wide as the screen's and twice to sixteen times as wide: .91,
-    .86, .81, .74, .70 (docs/performance.md, What comes first on a slow link).
+    .86, .81, .74, .70 (docs/performance.md, What comes first on a slow link). Beyond that it is a guess: a thousand
+    times as wide they show nothing.
     """
     blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
-    return np.asarray(np.maximum(PICTURE - BLUR * blur, COARSEST))
+    return np.asarray(np.maximum(PICTURE - (BLUR[0] + BLUR[1] * blur) * blur, 0.0))
 
 
 def compound_accuracy(geometry: ArrayLike, texture: ArrayLike) -> Floats:

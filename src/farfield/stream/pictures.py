@@ -21,6 +21,8 @@ AHEAD = 8.0
 """Seconds for which cells are made out fine enough for where the viewer will be."""
 STEPS = 4
 """Places on that way."""
+INSIDE = 1 / 16
+"""Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it."""
 DEFAULT_LEAST_GAIN = 10.0
 
 
@@ -29,6 +31,7 @@ class SentCell:
     """What is to be sent: values of a cell, in this order."""
 
     cell: str
+    """The first, of several leaves whose geometry shares meshes."""
     is_geometry: bool
     keys: tuple[str, ...]
 
@@ -96,7 +99,7 @@ class Pictures:
         self._regions = regions
         self._items: list[SentCell] = []
         self._there = Offers.none(0)
-        self._steps: dict[tuple[str, bool], _Steps] = {}
+        self._steps: dict[tuple[str, bool, int], _Steps] = {}
         """Of the cells of the last offers, as long as nothing of them is taken or dropped."""
 
     def offers(self, outlook: Outlook) -> Offers:
@@ -106,19 +109,22 @@ class Pictures:
         cells, objects = self._chains(outlook)
         order = np.argsort(cells, kind="stable")
         cells, objects = cells[order], objects[order]
-        apart = outlook.focal * tree.errors[cells, None] / np.maximum(away[objects], 1e-9)
+        inner = INSIDE * np.linalg.norm(tree.bounds[regions.cells, 3:] - tree.bounds[regions.cells, :3], axis=1)
+        apart = outlook.focal * tree.errors[cells, None] / np.maximum(away, inner[:, None] + 1e-9)[objects]
         leaves = np.flatnonzero(tree.has_geometry[regions.cells] & (away < regions.near).any(axis=1))
         leaves = leaves[outlook.visible[leaves].any(axis=1)]
         near = (away[leaves] < regions.near).astype(np.float32)
         first, begins = np.unique(cells, return_index=True)
         values = [self._pictures(int(cell), outlook.eyes[0]) for cell in first]
-        values += [tree.geometry(int(regions.cells[leaf])) for leaf in leaves]
-        return self._split(
-            values,
-            np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)]),
-            np.concatenate([objects, leaves]).astype(np.int32),
-            np.concatenate([picture_accuracy(apart).astype(np.float32), near]),
-        )
+        geometry = [tree.geometry(int(regions.cells[leaf])) for leaf in leaves]
+        firsts = np.concatenate([begins, len(cells) + np.arange(len(leaves) + 1)])
+        uses, accuracy = [objects, leaves], [picture_accuracy(apart).astype(np.float32), near]
+        if together := self._together(geometry):
+            geometry.append(together)
+            firsts = np.append(firsts, len(cells) + 2 * len(leaves))
+            uses.append(leaves)
+            accuracy.append(near)
+        return self._split(values + geometry, firsts, np.concatenate(uses).astype(np.int32), np.concatenate(accuracy))
 
     def shown(self, outlook: Outlook, best: NDArray[np.float32]) -> None:
         """By the best that is there, as of the last offers."""
@@ -135,14 +141,14 @@ class Pictures:
         found = replace(found, keys=tuple(key for key in found.keys if key not in self.held))
         self.held.update(found.keys)
         # Meshes are shared by leaves.
-        stale = [known for known in self._steps if known == (found.cell, found.is_geometry) or known[1]]
+        stale = [known for known in self._steps if known[:2] == (found.cell, found.is_geometry) or known[1]]
         for known in stale:
             self._steps[known] = self._steps_of(self._steps[known].of)
         return found
 
     def is_useful(self, item: SentCell) -> bool:
         """Whether it would still show something, as of the last offers."""
-        return (item.cell, item.is_geometry) in self._steps
+        return any(known[:2] == (item.cell, item.is_geometry) for known in self._steps)
 
     def keep(self, keys: Collection[str]) -> None:
         """The viewer has these and nothing else."""
@@ -174,6 +180,21 @@ class Pictures:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
         return np.concatenate([one for one, _ in pairs]), np.concatenate([other for _, other in pairs])
 
+    def _together(self, geometry: list[CellValues]) -> CellValues | None:
+        """Geometry of all near leaves as one, where they lack the same meshes: each would pay for those alone."""
+        lacks = [
+            (key, size)
+            for one in geometry
+            for key, size in zip(one.keys, one.sizes, strict=True)
+            if key not in self.held
+        ]
+        once = dict(lacks)
+        if len(once) == len(lacks):
+            return None
+        return CellValues(
+            geometry[0].cell, True, tuple(once), tuple(once.values()), (), (len(once),), leaves=len(geometry)
+        )
+
     def _split(
         self,
         values: list[CellValues],
@@ -185,7 +206,7 @@ class Pictures:
         whole = Offers(np.zeros(len(values), np.int64), firsts, objects, accuracy)
         before, self._steps = self._steps, {}
         for one in values:
-            name = one.cell, one.is_geometry
+            name = one.cell, one.is_geometry, one.leaves
             known = before.get(name)
             # Most cells are as they were: without this a look at 161 cells took 3 ms.
             self._steps[name] = known if known and known.of is one else self._steps_of(one)

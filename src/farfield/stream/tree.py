@@ -36,6 +36,8 @@ class CellValues:
     """Of what all of them show; the sum is 1. None of geometry, which is shown by all or nothing."""
     steps: tuple[int, ...]
     """How many of them are offered together, ascending."""
+    leaves: int = 1
+    """How many leaves' geometry it is, `cell` and those after it."""
 
     def shown_by(self, held: set[str]) -> float:
         """Share that the viewer has."""

@@ -13,8 +13,12 @@ const AHEAD = 8;
 /** Places on that way. */
 const STEPS = 4;
 
+/** Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it. */
+const INSIDE = 1 / 16;
+
 /** Pictures or geometry of a cell. */
 export interface Part {
+  /** The first, of several leaves whose geometry shares meshes. */
   readonly cell: Cell;
   readonly isGeometry: boolean;
   /** What of it is still to come, best first. */
@@ -68,12 +72,13 @@ export class Pictures implements Offering<Part> {
     const geometry: [Cell, Use][] = [];
     this.cells.forEach((cell, object) => {
       const away = outlook.eyes.map((eye) => distanceTo(cell.bounds, eye));
+      const inner = INSIDE * diagonalOf(cell.bounds) + 1e-9;
       const own = outlook.visible.subarray(object * intervals, (object + 1) * intervals);
       if (!own.some((pixels) => pixels > 0) || (farOnly && away.every((metres) => metres < near))) return;
       for (let above: Cell | null = cell; above; above = above.parent) {
         if (above.views.size === 0) continue;
         const apart = outlook.focal * pitch * 2 ** above.level;
-        const accuracy = away.map((metres) => (farOnly && metres < near ? 0 : pictureAccuracy(apart / Math.max(metres, 1e-9))));
+        const accuracy = away.map((metres) => (farOnly && metres < near ? 0 : pictureAccuracy(apart / Math.max(metres, inner))));
         const use = { object, accuracy };
         uses.set(above, [...(uses.get(above) ?? []), use]);
       }
@@ -84,7 +89,11 @@ export class Pictures implements Offering<Part> {
     this.useful = { pictures: new Set(uses.keys()), geometry: new Set(geometry.map(([cell]) => cell)) };
     const found: Found = { offers: [], shown: [] };
     for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
-    for (const [cell, shows] of geometry) this.addGeometry(found, cell, shows);
+    for (const [cell, shows] of geometry) this.addGeometry(found, cell, [shows], partsOfGeometry(cell));
+    const together = geometry.filter(([cell]) => !partsOfGeometry(cell).some(this.view().lacks));
+    const all = together.flatMap(([cell]) => partsOfGeometry(cell)).filter(({ state }) => state === "absent");
+    // Where they lack the same meshes, each for itself would pay for all of them.
+    if (new Set(all).size < all.length) this.addGeometry(found, together[0]![0], together.map(([, shows]) => shows), [...new Set(all)]);
     return found;
   }
 
@@ -113,14 +122,21 @@ export class Pictures implements Offering<Part> {
     }
   }
 
-  /** Offers what is not there of a leaf's geometry, unless a part of it cannot be had: it is all or nothing. */
-  private addGeometry({ offers, shown }: Found, cell: Cell, uses: Use): void {
-    const parts = [cell.geometry!.leaf, ...cell.geometry!.meshes];
-    if (parts.some(this.view().lacks)) return;
-    const resources = parts.filter(({ state }) => state === "absent");
-    if (resources.length === 0) shown.push({ ...uses, parts: SHARES.length });
-    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses: [uses], parts: SHARES.length, series: {} });
+  /** Offers what is not there of the geometry of leaves, unless a part of it cannot be had: it is all or nothing. */
+  private addGeometry({ offers, shown }: Found, cell: Cell, uses: readonly Use[], all: readonly Resource[]): void {
+    if (all.some(this.view().lacks)) return;
+    const resources = all.filter(({ state }) => state === "absent");
+    if (resources.length === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
+    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses, parts: SHARES.length, series: {} });
   }
+}
+
+function partsOfGeometry({ geometry }: Cell): readonly Resource[] {
+  return [geometry!.leaf, ...geometry!.meshes];
+}
+
+function diagonalOf({ lower, upper }: Box): number {
+  return Math.hypot(upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]);
 }
 
 function bytesOf(resources: readonly Resource[]): number {
