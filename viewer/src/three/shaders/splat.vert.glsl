@@ -25,6 +25,7 @@ flat out vec2 tilt;     // of a patch, pitches a pitch
 
 const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
 const float STEEPEST = 4.0;
+const float WIDEST_FILLING = 1.0 / 96.0; // of the frame's height
 const float PATCH_MARGIN = 0.1; // pitches, as in core/orthoview/patches.ts
 // By coverage 1..16: the ellipses of a plane of equal pixels fill that share of it.
 const float FOOTPRINT[16] = float[16](
@@ -112,6 +113,8 @@ void main() {
     } else {
         U = vec2(size * focal * inverseD, 0.0);
         V = U.yx;
+        // What fills gaps must not hide what is there: wide discs show nothing of leaves.
+        if (behind > 0.0 && U.x > WIDEST_FILLING * frame.y) return;
     }
     float det = U.x * V.y - V.x * U.y;
     float area = 1.57079633 * abs(det);
