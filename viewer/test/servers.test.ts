@@ -258,7 +258,7 @@ describe("Servers", () => {
       await shelves[0]!.acquire(hash, false).finally(() => shelves[0]!.release(hash, false));
       return { size: found.length, install: () => found };
     });
-    shelves.push(new TextureShelf(servers, undefined as never));
+    shelves.push(new TextureShelf(servers, undefined as never, () => 1));
     loader.want([want(mesh)], 1);
     await pass(10_000);
     expect(mesh).toMatchObject({ state: "absent", needs: `texture/${hash}` });

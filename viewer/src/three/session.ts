@@ -13,6 +13,7 @@ import { Observer } from "../core/stream/observer.js";
 import { Ranking } from "../core/stream/ranking.js";
 import { coarseFirst, isNeeded, listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
+import { anisotropyOf } from "./card.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
 import { DepthReader } from "./depthreader.js";
@@ -102,7 +103,7 @@ export class Session {
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool), renderer, forget, patches: () => options().patches });
+    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool, () => anisotropyOf(renderer())), renderer, forget, patches: () => options().patches });
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
     this.ranking = new Ranking(this.loader.link, this.loader.sizes);

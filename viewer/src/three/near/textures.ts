@@ -13,9 +13,11 @@ interface Entry {
 export class TextureShelf {
   private readonly entries = new Map<string, Entry>();
 
+  /** anisotropy: of textures, as the card does it well. */
   constructor(
     private readonly servers: Servers,
     private readonly pool: DecodePool,
+    private readonly anisotropy: () => number,
   ) {}
 
   /** The texture of an image, `cutout` when its alpha cuts holes; one `release` belongs to each. */
@@ -45,8 +47,7 @@ export class TextureShelf {
     texture.wrapS = texture.wrapT = RepeatWrapping;
     texture.magFilter = LinearFilter;
     texture.minFilter = LinearMipmapLinearFilter;
-    // Leaves turn to all sides, which software's anisotropic filtering takes 32 times as long for (118 s a frame before 3.7).
-    texture.anisotropy = cutout ? 1 : 4;
+    texture.anisotropy = this.anisotropy();
     texture.needsUpdate = true;
     return texture;
   }
