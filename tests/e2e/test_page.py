@@ -57,11 +57,11 @@ def test_draws_what_the_reference_renderer_draws(
     expected = render_world(World.open(world), Camera(eye, target, 46.8), (640, 480), options).pixels(SKY)
     assert psnr(page.picture(), expected) >= 30
     # Planes of pixels as one differ at their rims: each of these pixels is as wide as 10 to 80 of the picture.
-    splats = page.stats()["splats"]
+    splats = page.stats()["splats_in_frustum"]
     page.options(patches=True)
     page.complete()
     assert psnr(page.picture(), expected) >= 26
-    assert page.stats()["splats"] < 0.7 * splats
+    assert page.stats()["splats_in_frustum"] < 0.7 * splats
 
 
 def test_near_geometry_is_lit_like_the_pictures(
