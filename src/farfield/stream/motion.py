@@ -150,7 +150,7 @@ class MotionPredictor:
             self._seen.popleft()
         movement = self._movement(viewing)
         goes = self._straightened(viewing, movement)
-        if before is None or before.movement is not movement or self._left(goes, movement):
+        if before is None or before.movement is not movement or self._is_off(goes, movement):
             self._prediction = Prediction(movement, goes, viewing.time)
             self._course = goes.velocity
         else:
@@ -165,7 +165,7 @@ class MotionPredictor:
             return Movement.STRAIGHT
         return Movement.TURNING if abs(viewing.turning) > STILL else Movement.STANDING
 
-    def _left(self, goes: Viewing, movement: Movement) -> bool:
+    def _is_off(self, goes: Viewing, movement: Movement) -> bool:
         """Whether a line goes in another direction than when it began."""
         if movement is not Movement.STRAIGHT:
             return False
