@@ -5,11 +5,11 @@
     python benchmarks/bench_mesh_levels.py [--work DIR] [--cases tokyo,…] [--levels r,4r,16r] [--rows FILE]
 
 The three scenes of benchmarks/scenes.py, and Tokyo with façades of which no two are alike; trees and statues as
-instances and as copies. Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out
-what is nearer than r, 4 r or 16 r. The link, 20 Mbit/s with a round trip of 40 ms, is cut after 0.5, 2, 8 and 32 MB of
-a world's or a tileset's bytes as they are sent (viewers' code apart): what has arrived is drawn and compared with the
-true picture; then time of a frame, until its pixels can be read. Worlds, tilesets and true pictures are kept in the
-work folder.
+instances and as copies. Farfield by free choice of pictures and geometry, and by pictures alone.
+Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out what is nearer than r, 4 r or
+16 r. The link, 20 Mbit/s with a round trip of 40 ms, is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes
+as they are sent (viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a
+frame, until its pixels can be read. Worlds, tilesets and true pictures are kept in the work folder.
 """
 
 from __future__ import annotations
@@ -83,18 +83,21 @@ class Show:
     kind: str
     """world or tiles."""
     instanced: bool = False
+    pictures: bool = False
+    """A world by pictures alone; else by whichever kind shows more for its bytes."""
 
     @property
     def name(self) -> str:
         """In the figures."""
-        return "farfield" if self.kind == "world" else "tiles, instanced" if self.instanced else "tiles"
+        if self.kind == "world":
+            return "farfield, pictures" if self.pictures else "farfield"
+        return "tiles, instanced" if self.instanced else "tiles"
 
 
 SHOWS = {
-    "tokyo": (Show("tokyo", "world"), Show("tokyo", "tiles")),
-    "tokyo-unique": (Show("tokyo-unique", "world"), Show("tokyo-unique", "tiles")),
-    "forest": (Show("forest", "world"), Show("forest", "tiles"), Show("forest", "tiles", True)),
-    "statues": (Show("statues", "world"), Show("statues", "tiles"), Show("statues", "tiles", True)),
+    name: (Show(name, "world"), Show(name, "world", pictures=True), Show(name, "tiles"))
+    + ((Show(name, "tiles", True),) if name in ("forest", "statues") else ())
+    for name in ("tokyo", "tokyo-unique", "forest", "statues")
 }
 
 
@@ -115,6 +118,7 @@ def figures(
     names: Sequence[str] = tuple(SHOWS),
     levels: Sequence[str] = tuple(LEVELS),
     cameras: Sequence[int] = CAMERAS,
+    viewers: Sequence[str] = (),
 ) -> dict[str, Any]:
     """scene -> level -> viewer -> limit -> means over the cameras.
 
@@ -126,7 +130,7 @@ def figures(
         case = case_of(name, level, work, data)
         for show in SHOWS[name]:
             key = {"scene": name, "level": level, "viewer": show.name, "camera": number}
-            if _key(key) in done:
+            if _key(key) in done or (viewers and show.name not in viewers):
                 continue
             shown = work / name if show.kind == "world" else tileset(case, show, work)
             folder = None if pictures is None else pictures / f"{name}-{level}-{show.name}"
@@ -204,7 +208,7 @@ def one_camera(
     reference, camera = truth(case, number), case.cameras[number]
     view = {"kind": show.kind, "eye": camera.eye, "target": camera.target, "fov": camera.fov, "samples": SAMPLES}
     view |= {"near": case.near_radius(camera), "leaf": case.world.grid.leaf_size, "corner": case.world.grid.corner}
-    view |= {"depth": 0.05 * case.world.grid.leaf_size, "errorTarget": ERROR_TARGET}
+    view |= {"depth": 0.05 * case.world.grid.leaf_size, "errorTarget": ERROR_TARGET, "farGeometry": not show.pictures}
     with visit(browser, shown, view, case.size) as (page, gate):
         for limit in limits:
             gate.limit = limit
@@ -214,7 +218,7 @@ def one_camera(
             found, state = compare(reference, pixels), page.evaluate("show.state()")
             rows[limit] = {name: found[name] for name in ("psnr_covered", "flip_covered")} | drawn
             rows[limit] |= {"bytes": gate.sent, "complete": float(gate.waiting == 0)}
-            rows[limit] |= {"primitives": state.get("splats", state.get("triangles", 0))}
+            rows[limit] |= {"primitives": state.get("splats", 0) + state.get("triangles", 0)}
             if pictures is not None:
                 pictures.mkdir(parents=True, exist_ok=True)
                 Image.fromarray(pixels).save(pictures / f"{number:02d}-{limit}.png")
@@ -322,7 +326,7 @@ def _small() -> dict[str, Any]:
     """Statues and a tree of the demo, copied and as instances."""
     work = Path(tempfile.mkdtemp(prefix="farfield-mesh-levels-"))
     case = small_case(work)
-    shows = Show("small", "world"), Show("small", "tiles")
+    shows = Show("small", "world"), Show("small", "world", pictures=True), Show("small", "tiles")
     found = {}
     with opened_browser() as browser:
         for show in shows:
@@ -340,12 +344,14 @@ def main() -> None:
     parser.add_argument("--levels", default=",".join(LEVELS))
     parser.add_argument("--pictures", type=Path, help="where to leave what was drawn")
     parser.add_argument("--cameras", default=",".join(map(str, CAMERAS)), help="numbers of the twelve")
+    parser.add_argument("--viewers", default="", help="names of those to measure, with / between them; all")
     parser.add_argument("--rows", type=Path, help="file of JSON lines to go on with")
     given = parser.parse_args()
     if reason := missing():
         raise SystemExit(reason)
     lists = given.cases.split(","), given.levels.split(","), [int(number) for number in given.cameras.split(",")]
-    print(json.dumps(figures(given.work, given.data, given.rows, given.pictures, *lists), indent=2))
+    viewers = given.viewers.split("/") if given.viewers else ()
+    print(json.dumps(figures(given.work, given.data, given.rows, given.pictures, *lists, viewers), indent=2))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """Many viewers that move, each in a session with one server process: what deciding takes, and what each gets (BEN-6).
 
     farfield bench sessions [--quick] [--json]
-    python benchmarks/bench_sessions.py [--clients N] [--seconds S] [--world DIR]
+    python benchmarks/bench_sessions.py [--clients N] [--seconds S] [--bandwidth B] [--world DIR]
 
 200 viewers in a process of their own fly circles over all of Tokyo (`farfield bench tokyo` leaves its world), say five
-times a second where they are, and take 250 kB/s each. Told are the milliseconds of a decision and of a look at all that
-could be sent (the server's, by the wall, all viewers beside), the server's memory a viewer, and bytes and seconds to
-the first value of the best and the worst served. Quick: eight viewers in the town of the tests.
+times a second where they are, and take 250 kB/s each. Told are the milliseconds of processor time of a decision and of
+a look at all that could be sent, the server's memory a viewer, bytes and seconds to the first value of the best and the
+worst served, and the shares of a core that server and viewers took: together they are no more than the machine has.
+Quick: eight viewers in the town of the tests.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         return measured(store, 8, 2.0)
 
 
-def measured(store: Store, clients: int, seconds: float) -> dict[str, Any]:
+def measured(store: Store, clients: int, seconds: float, bandwidth: float = BANDWIDTH) -> dict[str, Any]:
     """So many viewers for so long."""
     from farfield.stream.scheduler import Scheduler
 
@@ -65,12 +66,13 @@ def measured(store: Store, clients: int, seconds: float) -> dict[str, Any]:
     limits = PushLimits(sessions=clients)
     with serving(store, ServeOptions(port=0, sessions=limits)) as url:
         # Reads the index, and loads the scheduler, before anything is measured.
-        _clients(url, bounds, 1, 1.0)
+        _clients(url, bounds, 1, 1.0, bandwidth)
         before = _memory()
         looks.clear()
         decisions.clear()
-        told = _clients(url, bounds, clients, seconds)
-        used = _memory() - before
+        begun = time.process_time()
+        told = _clients(url, bounds, clients, seconds, bandwidth)
+        used, took = _memory() - before, time.process_time() - begun
     received, first = told["bytes"], told["first_seconds"]
     return {
         "clients": clients,
@@ -83,20 +85,21 @@ def measured(store: Store, clients: int, seconds: float) -> dict[str, Any]:
         "bytes": {"least": min(received), "median": median(received), "most": max(received)},
         "first_value_seconds": {"median": round(median(first), 2), "most": round(max(first), 2)},
         "ended_early": told["ended_early"],
+        "cores": {"server": round(took / seconds, 2), "viewers": round(told["processor_seconds"] / seconds, 2)},
     }
 
 
 def _timed(owner: type, name: str) -> list[float]:
-    """Seconds of every call of a method from now on."""
+    """Seconds of processor time of every call of a method from now on."""
     found: list[float] = []
     method: Callable[..., Any] = getattr(owner, name)
 
     def wrapped(*args: Any) -> Any:
-        begun = time.perf_counter()
+        begun = time.thread_time()
         try:
             return method(*args)
         finally:
-            found.append(time.perf_counter() - begun)
+            found.append(time.thread_time() - begun)
 
     setattr(owner, name, wrapped)
     return found
@@ -117,28 +120,30 @@ def _memory() -> int:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
-def _clients(url: str, bounds: Any, count: int, seconds: float) -> dict[str, Any]:
-    command = [sys.executable, __file__, "--fly", json.dumps([url, bounds, count, seconds])]
+def _clients(url: str, bounds: Any, count: int, seconds: float, bandwidth: float) -> dict[str, Any]:
+    command = [sys.executable, __file__, "--fly", json.dumps([url, bounds, count, seconds, bandwidth])]
     found: dict[str, Any] = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     return found
 
 
-async def fly(url: str, bounds: Any, count: int, seconds: float) -> dict[str, Any]:
+async def fly(url: str, bounds: Any, count: int, seconds: float, bandwidth: float) -> dict[str, Any]:
     """So many viewers at once."""
-    flights = [_Flight(url, bounds, n / count, seconds) for n in range(count)]
+    begun = time.process_time()
+    flights = [_Flight(url, bounds, n / count, seconds, bandwidth) for n in range(count)]
     await asyncio.gather(*(flight.run() for flight in flights))
     return {
         "bytes": [flight.bytes for flight in flights],
         "first_seconds": [flight.first for flight in flights],
         "ended_early": sum(flight.ended_early for flight in flights),
+        "processor_seconds": time.process_time() - begun,
     }
 
 
 class _Flight:
     """One viewer on a circle; `share` tells it from the others."""
 
-    def __init__(self, url: str, bounds: Any, share: float, seconds: float) -> None:
-        self.url, self.share, self.seconds = url, share, seconds
+    def __init__(self, url: str, bounds: Any, share: float, seconds: float, bandwidth: float) -> None:
+        self.url, self.share, self.seconds, self.bandwidth = url, share, seconds, bandwidth
         (x0, y0, _), (x1, y1, z1) = bounds
         self.middle = ((x0 + x1) / 2, (y0 + y1) / 2)
         self.radius = (0.1 + 0.3 * share) * min(x1 - x0, y1 - y0)
@@ -170,7 +175,7 @@ class _Flight:
             if pieces == 1:
                 self.first = time.monotonic() - begun
             self.bytes += len(message)
-            free_at = max(free_at, time.monotonic()) + len(message) / BANDWIDTH
+            free_at = max(free_at, time.monotonic()) + len(message) / self.bandwidth
             await asyncio.sleep(max(free_at - time.monotonic(), 0))
             await socket.send(json.dumps({"type": "ack", "pieces": pieces}))
 
@@ -198,13 +203,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--clients", type=int, default=CLIENTS)
     parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("--bandwidth", type=float, default=BANDWIDTH)
     parser.add_argument("--world", type=Path, default=WORLD)
     parser.add_argument("--fly", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.fly:
         print(json.dumps(asyncio.run(fly(*json.loads(given.fly)))))
     else:
-        print(json.dumps(measured(open_store(str(given.world)), given.clients, given.seconds), indent=1))
+        store = open_store(str(given.world))
+        print(json.dumps(measured(store, given.clients, given.seconds, given.bandwidth), indent=1))
 
 
 if __name__ == "__main__":

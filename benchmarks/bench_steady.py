@@ -70,7 +70,7 @@ SAME_SURFACE = 0.02
 """Share by which distances of one surface may differ."""
 MEMORY = 1.2
 """Of the time of fading, for which frames before a pair are drawn, and no others: 3 % of them is left then."""
-OPTIONS = {"frameMs": 0, "cacheBytes": 2 << 30, "uploadBytes": 1 << 30}
+OPTIONS = {"frameMs": 0, "cacheBytes": 2 << 30, "uploadBytes": 1 << 30, "farGeometry": False}
 """Of the page, beside its defaults: everything is drawn in every frame."""
 SCRIPT = Path(__file__).with_suffix(".js")
 JOURNEYS = {

@@ -15,6 +15,8 @@ window.flight = (() => {
   const asked = window.fetch.bind(window);
   const done = () => void flight.open--;
   window.fetch = (url, init) => {
+    // What the page has made itself no server is asked for.
+    if (String(url.url ?? url).startsWith("blob:")) return asked(url, init);
     flight.open++;
     const answer = asked(url, init);
     answer.then((found) => {

@@ -3,8 +3,8 @@
     python scripts/write_stream_vectors.py
 
 Each file is a world (its grid and the entries of its index) with cases: what a viewer says of itself, one after the
-other, what it holds, its link, and the first items that the scheduler chooses after the last: cell, whether as
-geometry, keys, bytes, and benefit in pixel seconds. The same every time.
+other, what it holds, its link, and the first items that the scheduler chooses after the last: cell (of instances their
+mesh), whether as geometry, keys, bytes, and benefit in pixel seconds. The same every time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from farfield.stream.motion import Viewing
 from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import NONE, CellTree
-from farfield.world.index import CellEntry, GeometryEntry, write_picks
+from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel, InstancedMesh, MeshLevel, write_picks
 
 FOLDER = Path(__file__).parents[1] / "tests/vectors/stream"
 MOST = 24
@@ -65,12 +65,53 @@ def _entry(grid: Grid, key: CellKey, children: list[str], random: np.random.Gene
         tiles=tiles,
         picks=tuple(picks),
         children=tuple(children),
+        errors=tuple(sorted(random.integers(10, 120, 3).tolist())) if random.random() < 0.8 else (),
+        losses=tuple(random.integers(0, 90, len(children)).tolist()) if random.random() < 0.8 else (),
     )
     if key.level > 0:
         return entry
     meshes = (("ab" * 8, 7_000),) if random.random() < 0.5 else ()
-    near = GeometryEntry(random.bytes(8).hex(), int(random.integers(5_000, 90_000)), 10, len(meshes), meshes)
-    return msgspec.structs.replace(entry, geometry=near)
+    images = (("cd" * 8, 60_000),) if random.random() < 0.5 else ()
+    full = int(random.integers(5_000, 90_000))
+    drawn = int(random.integers(20, 400))
+    levels = tuple(
+        GeometryLevel(
+            random.bytes(8).hex(),
+            full // 4**n,
+            10,
+            len(meshes),
+            tuple((f"{n}{name[1:]}", size // 4**n) for name, size in meshes),
+            tuple((f"{n}{name[1:]}", size // 16**n) for name, size in images),
+            tuple(sorted(random.integers(10 * n, 60 * n, 3).tolist())),
+            drawn // 3**n,
+        )
+        for n in range(1, int(random.integers(1, 4)))
+    )
+    near = GeometryEntry(random.bytes(8).hex(), full, 10, len(meshes), meshes, images, drawn=drawn, levels=levels)
+    return msgspec.structs.replace(entry, geometry=near, instances=_instances(grid, random))
+
+
+def _instances(grid: Grid, random: np.random.Generator) -> tuple[InstancedMesh, ...]:
+    """None, or up to two of five meshes, some with images, each placed once or twice."""
+    found = []
+    for mesh in sorted(random.permutation(5)[: int(random.integers(0, 3))].tolist()):
+        levels = []
+        for level in range(1 + mesh % 3):
+            images = ((f"{level}e" * 8, 3_000 // 4**level),) if mesh % 2 else ()
+            errors = (30 * level, 40 * level, 55 * level) if level else ()
+            levels.append(MeshLevel(f"{mesh}{level}" * 8, 6_000 // 4**level, 2_000 // 4**level, images, errors))
+        count = int(random.integers(1, 3))
+        turns = []
+        for _ in range(count):
+            angle, size = random.uniform(0, 2 * np.pi), random.uniform(0.5, 1.5)
+            x, y, z = random.uniform(0.1, 0.9, 3) * grid.leaf_size
+            cos, sin = size * np.cos(angle), size * np.sin(angle)
+            rows = np.round([cos, -sin, 0.0, x, sin, cos, 0.0, y, 0.0, 0.0, size, z], 4)
+            turns.append(tuple(rows.tolist()))
+        bounds = ((-0.7, -0.5, 0.0), (0.7, 0.5, 1.5 + 0.5 * mesh))
+        ids = tuple(random.integers(1, 1_000, count).tolist())
+        found.append(InstancedMesh(bounds, tuple(levels), ids, tuple(turns)))
+    return tuple(found)
 
 
 def case_of(tree: CellTree, case: dict[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ PACKAGE = Path(__file__).parent.parent / "src/farfield"
 
 ORDER = [
     {"errors", "progress", "inflate", "__init__"},
+    {"packed"},
     {"geometry"},
     {"kernels"},
     {"scene"},
@@ -23,6 +24,7 @@ ORDER = [
     {"world"},
     {"scene.stored"},
     {"bake", "serve", "view", "quality", "stream"},
+    {"walk"},
     {"pipeline"},
     {"cli"},
     {"__main__"},
@@ -30,7 +32,7 @@ ORDER = [
 """Part of the package → what it may import: the parts in earlier lines, and itself. A folder in a part may have a line
 of its own."""
 
-BESIDE = {("view", "quality"), ("serve", "stream")}
+BESIDE = {("bake", "view"), ("view", "quality"), ("view", "stream"), ("serve", "stream")}
 """Imports between parts of one line that may be."""
 
 LONGEST = 500

@@ -15,7 +15,8 @@ document.body.append(renderer.domElement);
 
 /**
  * kind: world, tiles or geometry; eye, target, fov: of the camera; depth: metres of its near plane; near: metres that
- * are left out round the eye; leaf, corner: of the world's grid; samples: a side; errorTarget: pixels, of tiles.
+ * are left out round the eye; leaf, corner: of the world's grid; samples: a side; errorTarget: pixels, of tiles;
+ * farGeometry: whether cells of a world may be geometry.
  */
 let view = null;
 const camera = new THREE.PerspectiveCamera(45, SIZE[0] / SIZE[1], 1, 1000);
@@ -33,7 +34,8 @@ function look() {
 
 async function openWorld() {
   const { FarfieldWorld } = await import("/world/viewer/farfield.js");
-  const options = { sky: SKY, farOnly: true, nearRadius: view.near, supersampling: view.samples };
+  const { near: nearRadius, samples: supersampling, farGeometry } = view;
+  const options = { sky: SKY, farOnly: true, nearRadius, supersampling, farGeometry };
   const world = new FarfieldWorld(new URL("/world/", location.href), { ...options, cacheBytes: 2 ** 31 });
   const scene = new THREE.Scene();
   scene.add(world);
@@ -46,8 +48,8 @@ async function openWorld() {
       renderer.render(scene, camera);
     },
     state() {
-      const { tiles, splats, tiles_pending, cache_bytes } = world.stats;
-      return { pending: tiles_pending, seen: [tiles, splats, cache_bytes], tiles, splats };
+      const { tiles, splats, triangles, tiles_pending, cache_bytes } = world.stats;
+      return { pending: tiles_pending, seen: [tiles, splats, triangles, cache_bytes], tiles, splats, triangles };
     },
   };
 }

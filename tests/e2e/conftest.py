@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, WebSocketRoute
 
 from e2e.browsing import Visit, opened_browser
 from e2e.world import town
@@ -16,6 +16,9 @@ from farfield.bake.options import BakeOptions
 from farfield.serve.run import ServeOptions, serving
 from farfield.serve.viewer_files import STATIC
 from farfield.store import DirectoryStore
+
+Stream = Callable[[WebSocketRoute], None]
+"""What answers in place of the server's sessions."""
 
 OPTIONS = BakeOptions(leaf_size=8.0, resolution=32, directions="9", workers=2)
 
@@ -56,11 +59,13 @@ def visit(browser: Browser) -> Iterator[Callable[..., Visit]]:
     """Opens pages, each of its own; errors on a console fail the test unless it says that it expects them."""
     visits: list[Visit] = []
 
-    def opened(url: str, *, script: str = "", expect_errors: bool = False) -> Visit:
+    def opened(url: str, *, script: str = "", stream: Stream | None = None, expect_errors: bool = False) -> Visit:
         page = browser.new_context(viewport={"width": 640, "height": 480}).new_page()
         page.set_default_timeout(60_000)
         if script:
             page.add_init_script(script)
+        if stream:
+            page.route_web_socket("**/stream", stream)
         visits.append(Visit(page, expect_errors))
         page.goto(url)
         if "getContext" not in script:

@@ -74,7 +74,7 @@ def test_the_picture_is_that_of_the_folder(address: str, site: Path, visit: Call
         for eye, target in VIEWS:
             pictures = []
             for page in (folder, archive):
-                page.options(nearRadius=20)
+                page.options(nearRadius=20, farGeometry=False)
                 page.look(eye, target)
                 assert page.stats()["tiles_missing"] == 0
                 pictures.append(page.picture())
@@ -120,7 +120,7 @@ def test_an_archive_that_is_cut_short(site: Path, visit: Callable[..., Visit]) -
 def test_an_archive_is_served_like_a_folder(site: Path, visit: Callable[..., Visit]) -> None:
     with serving(open_store(site / "town.farfield"), ServeOptions(port=0)) as url:
         page = visit(url)
-        page.options(nearRadius=20)
+        page.options(nearRadius=20, farGeometry=False)
         page.look(*VIEWS[0])
         stats = page.stats()
         page.leave()

@@ -69,7 +69,7 @@ def test_near_geometry_is_lit_like_the_pictures(
 ) -> None:
     page = visit(address)
     page.complete()
-    page.options(supersampling=2, nearRadius=30)
+    page.options(supersampling=2, nearRadius=30, farGeometry=False)
     page.look((-34.0, -36.0, 12.0), (0.0, 0.0, 2.0))
     stats = page.stats()
     assert stats["triangles"] > 20
@@ -83,6 +83,7 @@ def test_near_geometry_is_lit_like_the_pictures(
 def test_light_changes_without_fetching(address: str, visit: Callable[..., Visit]) -> None:
     page = visit(address)
     page.complete()
+    page.quiet()
     before, fetched = page.picture(), len(page.fetched)
     page.options(light={"azimuth": 45, "elevation": 10, "ambient": 0.1})
     page.complete()
@@ -135,7 +136,7 @@ def test_keys_mouse_and_panel_move_what_they_should(address: str, visit: Callabl
 def test_twenty_seconds_of_flight(address: str, visit: Callable[..., Visit]) -> None:
     """No error, no value fetched while it is held, memory within the budget."""
     page = visit(address)
-    page.options(cacheBytes=3 << 20, supersampling=1, nearRadius=20)
+    page.options(cacheBytes=3 << 20, supersampling=1, nearRadius=20, farGeometry=False)
     page.complete()
     flight = page.fly(20, (0.0, 0.0, 2.0), radius=45, height=12)
     assert flight["again"] == []
@@ -162,7 +163,7 @@ def test_a_budget_that_does_not_hold_the_picture_makes_it_coarser(address: str, 
 def test_what_is_held_is_not_fetched_again(address: str, visit: Callable[..., Visit]) -> None:
     """What was given up on its way may be asked for again."""
     page = visit(address)
-    page.options(nearRadius=20)
+    page.options(nearRadius=20, farGeometry=False)
     page.do("""() => {
       const asked = window.fetch;
       window.again = [];
@@ -186,7 +187,7 @@ LOW: list[tuple[Triple, Triple]] = [((-34.0, -30.0, 1.5), (0.0, 0.0, 2.0)), ((30
 def test_at_rest_nothing_is_missing_that_was_left_out(address: str, visit: Callable[..., Visit], near: float) -> None:
     """Bit for bit, drawn from another place before, or right before. No shadows: their maps follow the eye loosely."""
     page = visit(address)
-    page.options(nearRadius=near, supersampling=2, shadows=False)
+    page.options(nearRadius=near, farGeometry=False, supersampling=2, shadows=False)
     less = 0
     for eye, target in [*CAMERAS, *LOW]:
         page.options(culling="none")

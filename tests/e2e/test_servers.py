@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from e2e.browsing import Pixels, Visit, psnr
+from e2e.browsing import Pixels, Visit, differing, psnr
 from farfield.octree.grid import CellKey
 from farfield.pipeline import copy_place
 from farfield.serve.run import ServeOptions, bind, serving
@@ -158,8 +158,10 @@ def hosts_of(visit: Visit) -> dict[str, int]:
 
 
 def _count(counts: dict[str, int], url: str) -> None:
-    port = str(urlsplit(url).port)
-    counts[port] = counts.get(port, 0) + 1
+    # Workers and what they are made of come from the page itself.
+    if not url.startswith("blob:"):
+        port = str(urlsplit(url).port)
+        counts[port] = counts.get(port, 0) + 1
 
 
 def sky(picture: Pixels) -> float:
@@ -187,13 +189,13 @@ def test_the_picture_is_that_of_the_whole(
     for turn, (eye, target) in enumerate(VIEWS):
         pictures = []
         for page in (whole, split):
-            page.options(nearRadius=20)
+            page.options(nearRadius=20, farGeometry=False)
             page.look(eye, target)
             assert page.stats()["tiles_missing"] == page.stats()["stand_ins"] == 0
             pictures.append(page.picture())
         save(pictures[0], f"whole{turn}", request)
         save(pictures[1], f"split{turn}", request)
-        assert np.array_equal(*pictures)
+        assert differing(*pictures) < 1e-4
     stats = split.stats()
     assert stats["splats"] > 1000
     assert stats["triangles"] > 20
@@ -237,7 +239,7 @@ def test_one_server_that_is_away_takes_nothing_else_with_it(
     assert len(warnings) == 1, "one message"
     assert len(page.errors) < 10, "and the browser's own of each attempt"
 
-    page.options(nearRadius=30)
+    page.options(nearRadius=30, farGeometry=False)
     page.look(*VIEWS[1])
     assert page.stats()["triangles"] > 20, "what the others have is near geometry"
     page.options(nearRadius=0)
@@ -247,7 +249,7 @@ def test_one_server_that_is_away_takes_nothing_else_with_it(
     page.page.get_by_text("Try now").evaluate_all("buttons => buttons.forEach((button) => button.click())")
     page.page.wait_for_function("farfield.stats().stand_ins === 0", timeout=20_000)
     page.complete()
-    assert np.array_equal(page.picture(), good), "all is well again"
+    assert differing(page.picture(), good) < 1e-4, "all is well again"
     assert len(page.fetched) > asked
     page.leave()
 
@@ -298,5 +300,5 @@ def test_roots_and_index_may_be_anywhere(address: str, scattered: Site, visit: C
     everything = whole.stats()["splats_in_frustum"]
     split.page.wait_for_function(f"farfield.stats().splats_in_frustum === {everything}", timeout=30_000)
     split.complete()
-    assert np.array_equal(split.picture(), whole.picture())
+    assert differing(split.picture(), whole.picture()) < 1e-4
     split.leave()

@@ -49,7 +49,7 @@ def files(copy: DirectoryStore) -> Iterator[str]:
 
 def test_a_file_server_is_enough(files: str, visit: Callable[..., Visit]) -> None:
     page = visit(files)
-    page.options(nearRadius=20)
+    page.options(nearRadius=20, farGeometry=False)
     page.complete()
     stats = page.stats()
     assert stats["splats"] > 1000
@@ -60,7 +60,7 @@ def test_a_file_server_is_enough(files: str, visit: Callable[..., Visit]) -> Non
 def test_a_world_elsewhere(files: str, address: str, visit: Callable[..., Visit]) -> None:
     """The page of one server shows the world of another (the second has to allow it: `farfield serve` does)."""
     page = visit(f"{files}?world={address}world.json")
-    page.options(nearRadius=20)
+    page.options(nearRadius=20, farGeometry=False)
     page.complete()
     assert page.stats()["splats"] > 1000
     assert any(key.startswith("orthoview/") for key in page.fetched)
@@ -95,7 +95,7 @@ def test_the_server_goes_and_comes_back(copy: DirectoryStore, visit: Callable[..
     with serving(copy, ServeOptions(port=0)) as address:
         port = int(address.rstrip("/").rsplit(":", 1)[1])
         page = visit(address, expect_errors=True)
-        page.options(nearRadius=20)
+        page.options(nearRadius=20, farGeometry=False)
         page.complete()
         page.options(cacheBytes=1 << 20)
     page.do("camera => farfield.setCamera(camera)", {"eye": [20, 5, 3], "target": [0, 5, 2]})

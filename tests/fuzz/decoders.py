@@ -21,7 +21,7 @@ from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.read import LeafGeometry, read_leaf_glb, read_mesh_glb
 from farfield.represent.geometry.texture import decode_texture
-from farfield.represent.geometry.write import PlacedMesh, encode_texture, leaf_glb, mesh_glb
+from farfield.represent.geometry.write import MAGIC, PlacedMesh, encode_texture, leaf_glb, mesh_glb
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import OBJECTS, decode_object_tile, encode_object_tile
 from farfield.represent.orthoview.quality import quality
@@ -65,8 +65,11 @@ from fuzz.shells import (
     GLB_JSON,
     HEADER,
     INDEX_TEXT,
+    PACKED,
+    PACKED_STREAM,
     PNG,
     SEALED,
+    plain_glb,
     plane,
     tables,
 )
@@ -237,16 +240,26 @@ def _sample_chunk(count: int, seed: int) -> Chunk:
     )
 
 
+NEAR = Path(__file__).parents[1] / "vectors/near"
+_NEAR_SHELLS = (BARE, GLB_JSON, GLB_JSON, GLB_BODY, PACKED, PACKED_STREAM)
 _MATERIALS = (
-    Material("", (1.0, 0.5, 0.2, 1.0)),
     Material("", (1.0, 1.0, 1.0, 1.0), _WHITE),
+    Material("", (1.0, 0.5, 0.2, 1.0)),
     Material("", (1.0, 1.0, 1.0, 1.0), _WHITE, 0.5, unlit=True),
 )
 
 
+def _near_bound(data: bytes) -> int:
+    """32 bytes for each of the GLB, and 256 for each of the 16 vertices and triangles that a byte may unpack to."""
+    packed = data[:4] == MAGIC and len(data) >= 12
+    length = min(int.from_bytes(data[8:12], "little"), 1 << 30) if packed else len(data)
+    compressed = b"KHR_draco" in data or packed
+    return (32 + 16 * 256 * compressed) * length + _ROOM
+
+
 def _leaf() -> Decoder:
     place = PlacedMesh("0123456789abcdef", np.eye(3, 4)[None].repeat(2, 0), np.array([1, 2], np.uint32))
-    fresh = leaf_glb(CellKey(0, 0, 0, 0), _sample_chunk(5, 1), _MATERIALS, [place], lambda _: "0123456789abcdef")
+    fresh = leaf_glb(CellKey(0, 0, 0, 0), 8.0, _sample_chunk(5, 1), _MATERIALS, [place], lambda _: "0123456789abcdef")
 
     def read(data: bytes) -> LeafGeometry:
         return read_leaf_glb(data, "", lambda _: _WHITE)
@@ -257,18 +270,20 @@ def _leaf() -> Decoder:
         for placed in leaf.placed:
             assert placed.transforms.shape == (len(placed.objects), 3, 4)
 
-    corpus = (fresh, *_golden("geometry", 6))
-    return Decoder("leaf", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(32), use)
+    older = (NEAR / "version-1/leaf.bin").read_bytes()
+    corpus = (plain_glb(fresh), fresh, older, *_golden("geometry", 6))
+    return Decoder("leaf", read, corpus, _NEAR_SHELLS, _near_bound, use)
 
 
 def _mesh() -> Decoder:
-    fresh = mesh_glb(_sample_chunk(40, 2), _MATERIALS, lambda _: "0123456789abcdef")
+    fresh = mesh_glb(_sample_chunk(40, 2), 1e-3, _MATERIALS, lambda _: "0123456789abcdef")
 
     def read(data: bytes) -> Mesh:
         return read_mesh_glb(data, "", lambda _: _WHITE)
 
-    corpus = (fresh, *_golden("mesh", 2))
-    return Decoder("mesh", read, corpus, (BARE, GLB_JSON, GLB_JSON, GLB_BODY), _times(32), _use_mesh)
+    older = (NEAR / "version-1/mesh.bin").read_bytes()
+    corpus = (plain_glb(fresh), fresh, older, *_golden("mesh", 2))
+    return Decoder("mesh", read, corpus, _NEAR_SHELLS, _near_bound, _use_mesh)
 
 
 def _use_mesh(mesh: Mesh) -> None:

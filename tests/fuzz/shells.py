@@ -5,11 +5,19 @@ Without them a checksum would refuse nearly every damaged value, and nothing beh
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import DracoPy
+import numpy as np
+
+from farfield.packed import pack, unpack
+from farfield.represent.geometry.dictionary import DICTIONARY
+from farfield.represent.geometry.write import MAGIC
 from farfield.represent.orthoview import container
 from farfield.represent.orthoview.container import CODED, DEFLATE, WEBP, Plane
 
@@ -111,8 +119,15 @@ def _directory_close(block: bytes, columns: bytes) -> bytes:
 DIRECTORY_COLUMNS = Shell("columns", lambda block: zlib.decompress(block[8:], -15), _directory_close)
 
 
+def unpacked_glb(packed: bytes) -> bytes:
+    """The GLB of a packed value of near geometry."""
+    return unpack(packed, MAGIC, 1 << 20, "near geometry", "", dictionary=DICTIONARY)
+
+
 def _chunks(glb: bytes) -> tuple[bytes, bytes]:
-    """JSON and body of a GLB."""
+    """JSON and body of a GLB, plain or packed."""
+    if glb[:4] == MAGIC:
+        glb = unpacked_glb(glb)
     (length,) = struct.unpack_from("<I", glb, 12)
     return glb[20 : 20 + length], glb[28 + length :]
 
@@ -125,6 +140,69 @@ def _glb(text: bytes, body: bytes) -> bytes:
 
 GLB_JSON = Shell("json", lambda glb: _chunks(glb)[0], lambda glb, part: _glb(part, _chunks(glb)[1]), json=True)
 GLB_BODY = Shell("body", lambda glb: _chunks(glb)[1], lambda glb, part: _glb(_chunks(glb)[0], part))
+
+
+def _packed_close(_: bytes, glb: bytes) -> bytes:
+    return pack(MAGIC, glb, dictionary=DICTIONARY)
+
+
+PACKED = Shell("packed", lambda value: unpacked_glb(value) if value[:4] == MAGIC else None, _packed_close)
+
+
+def _stream_close(value: bytes, stream: bytes) -> bytes:
+    """With length and checksum of what comes out of the stream, if anything does."""
+    try:
+        content = zlib.decompressobj(-15, zdict=DICTIONARY).decompress(stream, 1 << 20)
+    except zlib.error:
+        return value[:16] + stream
+    return value[:8] + struct.pack("<II", len(content), zlib.crc32(content)) + stream
+
+
+PACKED_STREAM = Shell("stream", lambda value: value[16:] if value[:6] == MAGIC + b"\2\0" else None, _stream_close)
+
+
+def plain_glb(packed: bytes) -> bytes:
+    """A value of near geometry as it was before there was compression: its GLB, with the attributes as they are."""
+    text, body = _chunks(packed)
+    document = json.loads(text)
+    del document["extensionsUsed"], document["extensionsRequired"]
+    rows = [
+        (accessor, None if (view := accessor.pop("bufferView", None)) is None else _view(document, body, view))
+        for accessor in document["accessors"]
+    ]
+    for primitive in document["meshes"][0]["primitives"]:
+        draco = primitive.pop("extensions")["KHR_draco_mesh_compression"]
+        mesh = DracoPy.decode(_view(document, body, draco["bufferView"]))
+        stored = {one["unique_id"]: one["data"] for one in mesh.attributes}
+        for name, number in draco["attributes"].items():
+            accessor, _ = rows[primitive["attributes"][name]]
+            values = stored[number]
+            if name == "NORMAL":
+                accessor["componentType"], values = (
+                    5120,
+                    np.pad(np.round(values * 127).astype(np.int8), ((0, 0), (0, 1))),
+                )
+            elif name == "_FEATURE_ID_0":
+                accessor["componentType"], values = 5126, values.astype(np.float32)
+            elif name == "COLOR_0":
+                values = values.astype(np.uint16)
+            rows[primitive["attributes"][name]] = accessor, values.tobytes()
+        rows[primitive["indices"]] = rows[primitive["indices"]][0], np.asarray(mesh.faces, np.uint32).tobytes()
+    views, at = [], bytearray()
+    for n, (accessor, data) in enumerate(rows):
+        accessor["bufferView"] = n
+        views.append({"buffer": 0, "byteOffset": len(at), "byteLength": len(data or b"")})
+        if accessor["componentType"] == 5120:
+            views[-1]["byteStride"] = 4
+        at += data or b""
+    document |= {"bufferViews": views, "buffers": [{"byteLength": len(at)}]}
+    return _glb(json.dumps(document).encode(), bytes(at))
+
+
+def _view(document: Any, body: bytes, index: int) -> bytes:
+    view = document["bufferViews"][index]
+    start = view.get("byteOffset", 0)
+    return body[start : start + view["byteLength"]]
 
 
 def _png_sealed(data: bytes) -> bytes:

@@ -14,15 +14,18 @@ import pytest
 from PIL import Image
 
 from farfield.errors import CorruptTileError
+from farfield.represent.geometry.draco import decompress
 from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb, texture_hashes
 from farfield.represent.geometry.texture import decode_texture
 from farfield.scene.model import Texture
-from fuzz.decoders import decoders
+from fuzz.decoders import NEAR, decoders
 from fuzz.shells import GLB_BODY, GLB_JSON
 
 WHITE = Texture(np.full((1, 1, 4), 255, np.uint8))
 MESH = decoders()["mesh"].corpus[0]
 """Three primitives with colours and texture coordinates."""
+COMPRESSED = decoders()["mesh"].corpus[1]
+"""The same, as it is written today."""
 LEAF = decoders()["leaf"].corpus[0]
 
 Change = Callable[[dict[str, Any]], object]
@@ -63,7 +66,7 @@ def refused(data: bytes) -> str:
         (attribute("TEXCOORD_0", count=2), "rows instead of"),
         (attribute("COLOR_0", count=2), "rows instead of"),
         (attribute("_FEATURE_ID_0", count=2), "rows instead of"),
-        (attribute("POSITION", count=3), "beyond the vertices"),
+        (lambda d: [attribute(name, count=3)(d) for name in d["meshes"][0]["primitives"][0]["attributes"]], "vertices"),
         (attribute("POSITION", type="SCALAR"), "none of VEC3"),
         (attribute("indices", componentType=5121), "none of SCALAR"),
         (attribute("POSITION", count=10**9), "ends beyond"),
@@ -91,6 +94,38 @@ def refused(data: bytes) -> str:
 )
 def test_each_fault_is_named(change: Change, says: str) -> None:
     assert says in refused(changed(MESH, change))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (attribute("POSITION", count=2), "more or fewer"),
+        (attribute("POSITION", count=10**9), "more or fewer"),
+        (attribute("indices", count=3), "more or fewer"),
+        (lambda d: d["bufferViews"][0].update(byteLength=2), "keeps them"),
+        (lambda d: d["bufferViews"][0].update(byteLength=40), "unpacked"),
+        (lambda d: d["meshes"][0].update(primitives=d["meshes"][0]["primitives"] * 2), "share their bytes"),
+        (lambda d: draco(d).update(POSITION=draco(d)["NORMAL"] + 100), "damaged"),
+        (lambda d: draco(d).update(TEXCOORD_0=draco(d)["NORMAL"]), "another type"),
+    ],
+)
+def test_each_fault_of_compressed_primitives_is_named(change: Change, says: str) -> None:
+    assert says in refused(changed(COMPRESSED, change))
+
+
+def draco(document: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = document["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]
+    return found["attributes"]
+
+
+def test_heads_that_claim_more_than_the_data_can_hold() -> None:
+    head = b"DRACO" + bytes([2, 2, 1, 1, 0, 0, 0])
+    many = bytes([255, 255, 255, 255, 7])
+    for data in (b"", head, head + many + many, head + many, b"DRACO" + bytes([1, 2, 1, 1, 0, 0, 0]) + many):
+        with pytest.raises(ValueError, match=r"keeps them|more or fewer|range"):
+            decompress(data, 3, 1)
+        with pytest.raises(ValueError, match=r"keeps them|more or fewer|range"):
+            decompress(data, 2**31 - 1, 2**31 - 1)
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, 3e38])
@@ -179,3 +214,8 @@ def test_other_formats_are_no_textures() -> None:
     Image.new("RGB", (3, 3)).save(stream, "BMP")
     with pytest.raises(CorruptTileError):
         decode_texture(stream.getvalue(), "texture/x")
+
+
+@pytest.mark.parametrize("name", ["leaf", "mesh"])
+def test_vectors_are_as_they_are_written_today(name: str) -> None:
+    assert (NEAR / f"{name}.bin").read_bytes() == decoders()[name].corpus[1], "run scripts/write_near_vectors.py"

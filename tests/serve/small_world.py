@@ -24,7 +24,11 @@ VALUES = {
     "notes.txt": b"private too",
 }
 
-PAGE = {"index.html": b"<!doctype html><title>farfield</title>", "viewer/app.js": b"console.log(1)" * 100}
+PAGE = {
+    "index.html": b"<!doctype html><title>farfield</title>",
+    "viewer/app.js": b"console.log(1)" * 100,
+    "viewer/draco/decoder.wasm": b"\0asm" * 300,
+}
 
 
 def filled(store: Store, values: dict[str, bytes]) -> Store:

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
-import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -19,39 +19,9 @@ from farfield.serve.push.endpoint import PushLimits
 from farfield.serve.push.messages import MAX_MESSAGE, PIECE
 from farfield.serve.run import ServeOptions, serving
 from farfield.store import DirectoryStore, Store
-from farfield.world.index import IndexTile, encode_index
-from farfield.world.keys import content_hash, geometry_key, index_key, mesh_key, orthoview_key
-from farfield.world.manifest import DirectionRecord, GridRecord, Manifest, RootRecord, encode_manifest
-from stream.cells import GRID, SHARED, flat_tree
 
 VIEW = {"type": "view", "eye": [32.0, -30.0, 10.0], "forward": [0.0, 0.97, -0.2], "fov": 60.0, "size": [100, 100]}
 TOKEN = "open sesame"
-
-
-@pytest.fixture(scope="module")
-def cells(tmp_path_factory: pytest.TempPathFactory) -> Store:
-    """The flat tree of the scheduler's tests, with values of the sizes that it names."""
-    store = DirectoryStore(tmp_path_factory.mktemp("push") / "world")
-    tree, random = flat_tree(), np.random.default_rng(3)
-    for entry in tree.entries:
-        for direction, layer, size in entry.tiles:
-            store.put(orthoview_key(entry.cell, direction, layer, entry.hash), random.bytes(size))
-        if entry.geometry:
-            store.put(geometry_key(entry.cell, entry.geometry.hash), random.bytes(entry.geometry.bytes))
-    store.put(mesh_key(SHARED[0]), random.bytes(SHARED[1]))
-    tile = encode_index(IndexTile(tree.entries[0].key, tuple(tree.entries)))
-    store.put(index_key(tree.entries[0].cell, content_hash(tile)), tile)
-    manifest = Manifest(
-        bounds=((0.0, 0.0, 0.0), (64.0, 64.0, 4.0)),
-        grid=GridRecord(GRID.leaf_size, GRID.resolution, GRID.corner, GRID.axis_levels),
-        directions=tuple(
-            DirectionRecord(n, vector) for n, vector in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
-        ),
-        roots=(RootRecord(tree.entries[0].key, content_hash(tile)),),
-        generation=4,
-    )
-    store.put("world.json", encode_manifest(manifest))
-    return store
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +39,7 @@ class Viewer:
         self.values: dict[str, bytes] = {}
         self.order: list[str] = []
         self.cancelled: list[str] = []
-        self.pieces = 0
+        self.pieces = self.bytes = self.idle = 0
         self._begun: dict[int, tuple[str, int, bytearray]] = {}
 
     def say(self, **message: Any) -> None:
@@ -91,6 +61,8 @@ class Viewer:
             if told["type"] == "value":
                 self._begun[told["number"]] = (told["key"], told["bytes"], bytearray())
                 self.order.append(told["key"])
+            elif told["type"] == "idle":
+                self.idle += 1
             elif told["type"] == "cancelled":
                 self.cancelled.append(self._begun.pop(told["number"])[0])
 
@@ -101,6 +73,7 @@ class Viewer:
         assert len(message) <= 8 + PIECE
         parts += message[8:]
         self.pieces += 1
+        self.bytes += len(message)
         if len(parts) == size:
             self.values[key] = bytes(parts)
 
@@ -139,6 +112,36 @@ def test_all_that_is_seen_comes_an_outline_first(url: str, cells: Store) -> None
     assert not viewer.cancelled
 
 
+def test_where_sessions_are_is_said_with_the_manifest(url: str) -> None:
+    with urlopen(url + "world.json") as answer:
+        assert answer.headers["Farfield-Stream"] == "stream"
+        assert "Farfield-Stream" in answer.headers["Access-Control-Expose-Headers"]
+
+
+def test_a_server_that_has_nothing_more_to_send_says_so_once(url: str) -> None:
+    with session(url) as viewer:
+        welcomed(viewer)
+        viewer.hear(0.3)
+        assert viewer.idle == 0, "before it knows where the viewer is"
+        viewer.say(**VIEW)
+        viewer.hear(1.0)
+        assert viewer.idle == 1
+        viewer.say(type="drop", keys=[viewer.order[-1]])
+        viewer.hear(1.0)
+        assert viewer.idle == 2
+
+
+def test_a_viewer_far_away_fills_its_link(cells: Store) -> None:
+    """Pieces that are acknowledged late, as after a round trip, are not what the link is slow by."""
+    with serving(cells, ServeOptions(port=0, delay=0.6, bandwidth=200_000.0)) as url, session(url) as viewer:
+        welcomed(viewer)
+        viewer.say(**VIEW, nearRadius=40.0)
+        begun = time.monotonic()
+        viewer.hear(2.0)
+        sizes = sum(map(len, viewer.values.values()))
+        assert sizes / (time.monotonic() - begun - 2.0) > 0.15 * 200_000, "62 kB a second; 11 without"
+
+
 def test_what_is_held_does_not_come_and_what_was_dropped_comes_again(url: str) -> None:
     with session(url) as first:
         welcomed(first)
@@ -153,6 +156,18 @@ def test_what_is_held_does_not_come_and_what_was_dropped_comes_again(url: str) -
         again.say(**VIEW)
         again.hear(1.0)
         assert again.order == []
+
+
+def test_who_stands_gets_what_it_drops_at_once(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("farfield.serve.push.session.STANDING_SHARE", 100.0)
+    with session(url) as viewer:
+        welcomed(viewer)
+        viewer.say(**VIEW)
+        viewer.hear(0.6)
+        for gone in viewer.order[-2:]:
+            viewer.say(type="drop", keys=[gone])
+            viewer.hear(0.5)
+            assert viewer.order.count(gone) == 2
 
 
 def test_no_more_is_under_way_than_half_a_second_of_the_link(url: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,10 +13,11 @@ from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
 from farfield.stream.offers import SHARES, Offers
 from farfield.stream.outlook import look
-from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
+from farfield.stream.pictures import FINE, OBJECTS, SHARP, Pictures, Regions, SentCell, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
-from stream.cells import GEOMETRY_BYTES, GRID, SHARED, TILE_BYTES, flat_tree
+from farfield.world.index import MESH_FARTHEST
+from stream.cells import GEOMETRY_BYTES, GRID, SHARED, STATUE, TILE_BYTES, flat_tree
 from stream.test_motion import viewing
 
 FAR = 200.0
@@ -94,19 +97,22 @@ def test_what_is_offered_and_shown() -> None:
 
 
 def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
-    seen, regions = seen_from((32.0, 1.0, 2.0)), Regions(TREE, Shape(near=12.0))
+    seen, regions = seen_from((32.0, 1.0, 2.0)), Regions(TREE, Shape(near=12.0, far_geometry=False))
     pictures = Pictures(regions)
     offers, _ = offers_of(pictures, regions, seen)
     sizes = sorted(int(size) for size in offers.sizes if size >= GEOMETRY_BYTES)
     assert sizes[0] == GEOMETRY_BYTES
     assert GEOMETRY_BYTES + SHARED[1] in sizes
-    # And all at once, with the mesh that several of them place.
-    leaves = len(sizes) - 1
-    assert sizes[-1] == leaves * GEOMETRY_BYTES + SHARED[1]
-    assert len(offers.objects[offers.uses(len(offers.sizes) - 1)]) == leaves
+    # And 2, 4 … and all at once of those that place the same mesh.
+    leaves = sum(size <= GEOMETRY_BYTES + SHARED[1] for size in sizes)
+    sharing = sizes.count(GEOMETRY_BYTES + SHARED[1])
+    assert sizes[-1] == sharing * GEOMETRY_BYTES + SHARED[1]
+    counts = np.diff(offers.firsts)[-(len(sizes) - leaves) :]
+    assert counts.tolist() == [2, 3]
+    assert sharing == 3
     items = [pictures.take(n) for n in range(len(offers.sizes))]
     near = [item for item in items if item.is_geometry]
-    assert any(item.keys[1:] == (f"mesh/{SHARED[0]}",) for item in near)
+    assert any(item.keys[:-1] == (f"mesh/{SHARED[0]}",) for item in near)
     geometry = [key for item in near for key in item.keys]
     # Its pictures show a leaf less well.
     pictures.keep([key for item in items for key in item.keys if key not in geometry])
@@ -114,6 +120,41 @@ def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
     pictures.keep(key for item in items for key in item.keys)
     _, whole = offers_of(pictures, regions, seen)
     assert by_pictures.max() < whole.max() == 1.0
+
+
+def test_what_is_farther_away_is_offered_as_geometry_until_its_pictures_are_there() -> None:
+    # 4 triangles a leaf, and 64 pixels a view: few enough of 4 leaves, too many of 16.
+    tree = flat_tree(drawn=4)
+    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    as_geometry = {item.cell for item in items if item.is_geometry}
+    own = {tree.entries[n].key for n in regions.cells}
+    assert {cell[0] for cell in own} == {"1", "2"}
+    assert as_geometry == {cell for cell in own if cell[0] == "1"}
+    four = next(item for item in items if item.is_geometry and item.cell[0] == "1")
+    assert len([key for key in four.keys if key.startswith("geometry/")]) == 4
+    pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
+    offers, _ = offers_of(pictures, regions, seen)
+    assert not len(offers.sizes)
+    # And what is held of it shows more than pictures do.
+    _, by_pictures = offers_of(pictures, regions, seen)
+    pictures.hold(four.keys)
+    _, best = offers_of(pictures, regions, seen)
+    region = [tree.entries[n].key for n in regions.cells].index(four.cell)
+    assert (best[region] == 1).all()
+    assert (by_pictures[region] < 1).all()
+
+
+@pytest.mark.parametrize(("drawn", "shape"), [(0, Shape(12.0)), (4, Shape(0.0)), (4, Shape(12.0, far_geometry=False))])
+def test_who_is_not_offered_what_is_farther_away_as_geometry(drawn: int, shape: Shape) -> None:
+    """Older worlds do not tell how many triangles instances have."""
+    tree = flat_tree(drawn=drawn)
+    regions = Regions(tree, shape)
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen_from((32.0, -30.0, 10.0)))
+    assert not any(pictures.take(n).is_geometry for n in range(len(offers.sizes)))
 
 
 def sent(seen: Viewing, pictures: Pictures, regions: Regions, bandwidth: float, seconds: float) -> list[SentCell]:
@@ -153,3 +194,69 @@ def test_what_was_dropped_is_sent_again() -> None:
 def test_no_world_no_offers() -> None:
     regions = Regions(CellTree(GRID, [], []))
     assert sent(viewing(), Pictures(regions), regions, 1_000, 10) == []
+
+
+STATUES = flat_tree(statues=True)
+
+
+def test_instances_are_objects_of_their_own() -> None:
+    seen, regions = seen_from((32.0, -30.0, 10.0)), Regions(STATUES)
+    boxes = regions.boxes(MotionPredictor().follow(seen), 60.0)
+    count = len(regions.cells)
+    assert len(boxes) == count + 16
+    outlook = look(MotionPredictor().follow(seen), boxes, 0.0, FAR)
+    overlap = float(outlook.visible[:count].sum() / outlook.pixels)
+    assert np.allclose(regions.importance(outlook), [1.0] * count + [OBJECTS] * 16)
+    twice = replace(outlook, visible=outlook.visible * (2 / overlap))
+    assert np.allclose(regions.importance(twice), [1.0] * count + [2 * OBJECTS] * 16)
+    for box, home in zip(boxes[count:], regions.homes, strict=True):
+        cell = STATUES.bounds[regions.cells[home]]
+        assert (box[:3] >= cell[:3]).all()
+        assert (box[3:] <= cell[3:]).all()
+        assert np.allclose(box[3:] - box[:3], (1.0, 1.0, 2.0))
+    assert len(Regions(STATUES, Shape(near=0.0)).boxes(MotionPredictor().follow(seen), 60.0)) == count
+
+
+def test_a_level_of_a_mesh_shows_all_of_its_instances_at_once() -> None:
+    seen, regions = seen_from((32.0, -30.0, 10.0)), Regions(STATUES)
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    full, coarse = (n for n, item in enumerate(items) if item.cell == STATUE[0].hash)
+    assert offers.sizes[[full, coarse]].tolist() == [6_000, 1_000]
+    assert items[full].keys == (f"mesh/{STATUE[0].hash}",)
+    assert items[coarse].keys == (f"texture/{STATUE[1].textures[0][0]}", f"mesh/{STATUE[1].hash}")
+    count = len(regions.cells)
+    shown = offers.objects[offers.uses(full)]
+    assert sorted(shown) == sorted(offers.objects[offers.uses(coarse)])
+    assert len(shown) > 8
+    assert (shown >= count).all()
+    assert (offers.accuracy[offers.uses(full)] == 1.0).all()
+    own = STATUES.instances.bounds[regions.instances[shown - count]]
+    gap = np.maximum(np.maximum(own[:, :3] - seen.eye, seen.eye - own[:, 3:]), 0.0)
+    widths = np.linalg.norm(gap, axis=1, keepdims=True) / seen.focal
+    errors = STATUES.errors_at(np.array([[30, 40, 50]]) / 255, widths, MESH_FARTHEST)
+    areas = np.hypot(1.0, 1.0) * 2.0 / widths**2
+    fine = np.sqrt(np.maximum(areas / 2_000, 1) / np.maximum(areas / 120, 1))
+    assert np.allclose(offers.accuracy[offers.uses(coarse)], (1 - FINE) * (1 - errors) + FINE * fine, atol=1e-6)
+    # Pictures show the less of one the wider their pixels are.
+    root = next(n for n, item in enumerate(items) if item.cell == "3/0/0/0" and offers.parts[n] == len(SHARES))
+    uses = offers.uses(root)
+    of_instances = offers.accuracy[uses][offers.objects[uses] >= count]
+    widest = 100.0 / seen.focal
+    assert 0 < of_instances.max() <= SHARP * widest / GRID.pitch(3)
+
+
+def test_where_all_pictures_are_there_meshes_are_not_sent() -> None:
+    seen, regions = seen_from((32.0, -80.0, 10.0)), Regions(STATUES, Shape(near=1.0))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    assert any(pictures.take(n).cell == STATUE[0].hash for n in range(len(offers.sizes)))
+    keys = {key for cell in regions.cells.tolist() for n in range(26) for key in STATUES.pictures(cell, n, 10.0).keys}
+    pictures.keep(keys)
+    offers, _ = offers_of(pictures, regions, seen)
+    assert not any(pictures.take(n).cell == STATUE[0].hash for n in range(len(offers.sizes)))
+    near = Regions(STATUES, Shape(near=1.0, far_geometry=False))
+    near.boxes(MotionPredictor().follow(seen), 60.0)
+    offers, _ = offers_of(Pictures(near), near, seen)
+    assert offers.accuracy[offers.objects >= len(near.cells)].max(initial=0.0) < 1.0

@@ -102,7 +102,7 @@ def test_textures_come_in_between() -> None:
 def test_importance_and_small_changes() -> None:
     boxes = np.array([(-3, 10, -1, -1, 12, 1), (1, 10, -1, 3, 12, 1)], float)
     levels = Levels([MESH] * 2, np.array([0, 1], np.int32))
-    dear = Scheduler(FixedObjects(boxes), [levels], FAR, Link(10_000, 0.0), np.array([1.0, 2.0], np.float32))
+    dear = Scheduler(FixedObjects(boxes, np.array([1.0, 2.0], np.float32)), [levels], FAR, Link(10_000, 0.0))
     assert chosen(dear, viewing(), most=1)[0].item.mesh == 1
     # A finer level that is hardly to be told from the one that is there stays away.
     alike = MeshLevels((5000, 5100), (1_000, 1_000))
@@ -181,9 +181,8 @@ def share_of_the_best(boxes: np.ndarray, meshes: Sequence[MeshLevels], seen: Vie
 
 def test_the_greedy_order_is_nearly_the_best() -> None:
     shares = np.array([share_of_the_best(*small_case(np.random.default_rng(seed))) for seed in range(150)])
-    assert shares.mean() > 0.99
-    assert (shares < 0.9).mean() <= 0.01
-    assert shares.min() > 0.8
+    assert shares.mean() > 0.999
+    assert shares.min() > 0.9
 
 
 def test_bandwidth_is_what_is_acknowledged_while_something_is_under_way() -> None:

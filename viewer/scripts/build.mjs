@@ -39,8 +39,11 @@ const bundles = [
   { ...module, entryPoints: { farfield: path("src/three/index.ts") }, external: ["three", "three/addons/*"] },
 ];
 
-await mkdir(`${root}/viewer`, { recursive: true });
+await mkdir(`${root}/viewer/draco`, { recursive: true });
 await copyFile(path("src/app/index.html"), `${root}/index.html`);
+for (const name of ["draco_decoder.wasm", "draco_wasm_wrapper.js"]) {
+  await copyFile(path(`node_modules/three/examples/jsm/libs/draco/gltf/${name}`), `${root}/viewer/draco/${name}`);
+}
 for (const bundle of bundles) {
   if (watching) await (await esbuild.context(bundle)).watch();
   else await esbuild.build(bundle);

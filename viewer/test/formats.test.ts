@@ -52,6 +52,47 @@ describe("decodeIndexTile", () => {
     expect(core.decodeIndexTile(tile({ root: "0/0/0/0", cells: [cell] }), "here")).toEqual([cell]);
   });
 
+  const LEVEL = { hash: "0123456789abcdef", bytes: 5, triangles: 2 };
+  const PLACE = [1, 0, 0, 4.5, 0, 1, 0, -1e12, 0, 0, 1, 1e12];
+  const PLACED = { bounds: [[0, 0, 0], [1, 1, 1]], levels: [LEVEL, { ...LEVEL, textures: [[LEVEL.hash, 9]], errors: [0, 255] }], objects: [1], transforms: [PLACE] };
+  const placing = (...instances: unknown[]): Uint8Array =>
+    tile({ root: "0/0/0/0", cells: [{ key: "0/0/0/0", bounds: [[0, 0, 0], [1, 1, 1]], error: 0.5, instances }] });
+  const times = <T>(count: number, item: T): T[] => new Array<T>(count).fill(item);
+
+  it("reads what is placed in leaves", () => {
+    const most = { ...PLACED, levels: times(16, LEVEL), objects: times(16, 1), transforms: times(16, PLACE) };
+    const nothing = { ...PLACED, objects: [], transforms: [] };
+    const instances = [PLACED, nothing, ...times(14, most)];
+    expect(core.decodeIndexTile(placing(...instances), "here")[0]!.instances).toEqual(instances);
+  });
+
+  it.each<[string, unknown[]]>([
+    ["too many meshes", times(17, PLACED)],
+    ["no object", [null]],
+    ["a list", [[]]],
+    ["no bounds", [{ ...PLACED, bounds: undefined }]],
+    ["bounds that are no box", [{ ...PLACED, bounds: [[0, 0, 2], [1, 1, 1]] }]],
+    ["no levels", [{ ...PLACED, levels: [] }]],
+    ["too many levels", [{ ...PLACED, levels: times(17, LEVEL) }]],
+    ["a level without a count", [{ ...PLACED, levels: [{ hash: LEVEL.hash, bytes: 5 }] }]],
+    ["a hash that leads elsewhere", [{ ...PLACED, levels: [{ ...LEVEL, hash: "../../secret0000" }] }]],
+    ["bytes that are none", [{ ...PLACED, levels: [{ ...LEVEL, bytes: -1 }] }]],
+    ["an image that is none", [{ ...PLACED, levels: [{ ...LEVEL, textures: [["x", 1]] }] }]],
+    ["an error beyond everything", [{ ...PLACED, levels: [{ ...LEVEL, errors: [256] }] }]],
+    ["too many errors", [{ ...PLACED, levels: [{ ...LEVEL, errors: times(9, 1) }] }]],
+    ["an object without a place", [{ ...PLACED, objects: [1, 2] }]],
+    ["a place without an object", [{ ...PLACED, transforms: [PLACE, PLACE] }]],
+    ["too many instances", [{ ...PLACED, objects: times(17, 1), transforms: times(17, PLACE) }]],
+    ["half an object", [{ ...PLACED, objects: [1.5] }]],
+    ["no transforms", [{ ...PLACED, transforms: undefined }]],
+    ["a place of eleven numbers", [{ ...PLACED, transforms: [PLACE.slice(1)] }]],
+    ["a place of thirteen", [{ ...PLACED, transforms: [[...PLACE, 0]] }]],
+    ["a place beyond the world", [{ ...PLACED, transforms: [PLACE.with(3, 1.1e12)] }]],
+    ["a place of words", [{ ...PLACED, transforms: [PLACE.map(String)] }]],
+  ])("refuses instances with %s", (_, instances) => {
+    expect(() => core.decodeIndexTile(placing(...instances), "here")).toThrow(expect.objectContaining({ tag: "corrupt" }));
+  });
+
   it("refuses damage", () => {
     const good = tile({ root: "0/0/0/0", cells: [] });
     for (const at of [0, 4, 8, 12, good.length - 1]) {

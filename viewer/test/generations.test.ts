@@ -78,7 +78,7 @@ function makeServer() {
   const asked: string[] = [];
   const values = new Map<string, Uint8Array>();
   const source: Source = {
-    base: "", bytes: 0, requests: 0, batchKeys: 10, events: null, tag: null,
+    base: "", bytes: 0, requests: 0, batchKeys: 10, events: null, stream: null, tag: null,
     manifest: () => Promise.reject(new Error("unused")),
     knock: () => Promise.resolve(),
     get: () => Promise.reject(new Error("unused")),
@@ -287,6 +287,7 @@ describe("Generations", () => {
     let [text, tag, reads] = [textOf("first"), "a", 0];
     const source = {
       base: "http://world.test/", bytes: 0, requests: 0, batchKeys: 10, events: new URL("http://world.test/events"),
+      stream: null,
       get tag() { return tag; },
       manifest: () => Promise.resolve((reads++, text)),
       knock: () => Promise.resolve(),

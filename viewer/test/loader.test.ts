@@ -41,7 +41,7 @@ const resources = (count: number): Resource[] =>
   Array.from({ length: count }, (_, n) => new Resource(`orthoview/${n}`, "orthoview", 1000, null));
 
 function makeLoader(budget = 1e6, prepare?: Preparer["prepare"]) {
-  const seen = { bad: [] as string[], connections: [] as Connection[], disposed: [] as string[] };
+  const seen = { bad: [] as string[], connections: [] as Connection[], disposed: [] as string[], unforeseen: 0 };
   const fetcher = new Fetcher("http://world.test/");
   const preparer: Preparer = {
     prepare: prepare ?? ((_, bytes) => Promise.resolve({ size: bytes.length, install: () => bytes })),
@@ -52,6 +52,7 @@ function makeLoader(budget = 1e6, prepare?: Preparer["prepare"]) {
   const loader: Loader = new Loader(new Servers(server, MANIFEST, () => server), preparer, budget, {
     bad: ({ key }) => void seen.bad.push(key),
     arrived: () => undefined,
+    unforeseen: () => void seen.unforeseen++,
   });
   return { loader, fetcher, seen };
 }
@@ -281,6 +282,26 @@ describe("Loader", () => {
       expect(asked).toHaveLength(2);
       loader.want([want(list[39]!), ...list.slice(0, 39).map((resource) => want(resource, AHEAD))], 2);
       expect(asked).toEqual(["orthoview/0", "orthoview/1", "orthoview/39"]);
+    });
+
+    it("of a mesh that no plan has asked for is told, and it is decoded as soon as one does", async () => {
+      const { loader, seen } = makeLoader();
+      const mesh = new Resource("mesh/0123456789abcdef", "mesh", 1000, null);
+      const [tile] = resources(1);
+      for (const resource of [mesh, tile!]) {
+        loader.awaits(resource, 1000);
+        loader.deliver(resource, new Uint8Array(1000));
+      }
+      expect([mesh.state, tile!.state, seen.unforeseen]).toEqual(["fetched", "fetched", 1]);
+      loader.want([want(mesh)], 1);
+      await settle();
+      loader.install(1e9);
+      // It stays as long as it is drawn, whatever else is wanted.
+      loader.cache.budget = 500;
+      loader.want([], 2, [mesh]);
+      expect(mesh.held).toBe(true);
+      loader.want([], 3);
+      expect(mesh.state).toBe("absent");
     });
 
     it("is dropped from the stock when nobody wants it and the room is needed", async () => {

@@ -1,7 +1,9 @@
 import { describe, expect, it } from "vitest";
+import type { Cell } from "../src/core/cell.js";
 import { viewBin } from "../src/core/directions.js";
 import { COVERED, HOLE, HoleTable } from "../src/core/holes.js";
 import { makePlan, type Plan } from "../src/core/plan.js";
+import { Resource } from "../src/core/resource.js";
 import type { Vector3 } from "../src/core/vector.js";
 import { tilesWanted } from "../src/core/views.js";
 import { listWants, URGENCY } from "../src/core/wants.js";
@@ -43,6 +45,58 @@ describe("makePlan", () => {
     expect(drawn(found)).toEqual(["0/3/3/0", "1/1/1/0", "2/0/0/0"]);
     expect(found.pictures[1]!.holes).toEqual([HOLE, HOLE, HOLE, COVERED, 0, 0, 0, 0]);
     expect(found.pictures[2]!.holes).toEqual([HOLE, HOLE, HOLE, COVERED, 0, 0, 0, 0]);
+  });
+
+  describe("what is farther away than near", () => {
+    const afar = { near: 0.1, radius: 2, eye: [2, -5, 0.5] as Vector3, farGeometry: true };
+    const leavesBelow = (cell: Cell): Cell[] => (cell.level === 0 ? [cell] : cell.children!.flatMap(leavesBelow));
+
+    it("is geometry as far as leaves are there, and once all are wants no pictures", () => {
+      const { root, cells } = makeWorld();
+      const [west, east] = [cells.get("1/0/0/0")!, cells.get("1/1/0/0")!];
+      hold(tilesOf(root));
+      const [first, ...others] = leavesBelow(west).map(({ geometry }) => geometry!.leaf);
+      hold([first!]);
+      expect([...plan(root, afar).afar].map(({ name }) => name)).toEqual(["0/0/0/0"]);
+      hold(others);
+      const found = plan(root, afar);
+      expect([...found.afar]).toEqual([west]);
+      expect(found.geometry).toHaveLength(4);
+      expect(found.cut.pictures).toContain(east);
+      const wanted = listWants([root], found, MANIFEST, view(afar)).map(({ resource }) => resource.cell);
+      expect(wanted).toContain(east);
+      expect(wanted.filter((cell) => cell === west)).toEqual([]);
+      expect(plan(root, { ...afar, farGeometry: false }).afar.size).toBe(0);
+      expect(plan(root, { ...afar, near: 0 }).afar.size).toBe(0);
+    });
+
+    it("is drawn from its pictures where they show more", () => {
+      const { root, cells } = makeWorld();
+      const west = cells.get("1/0/0/0")!;
+      for (const leaf of leavesBelow(west)) {
+        const entry = { ...leaf.geometry!.entry, errors: [128, 128, 128] };
+        leaf.forms = [leaf.geometry!, { ...leaf.geometry!, entry, level: 1, leaf: new Resource(`geometry/${leaf.name}-12`, "geometry", 100, leaf) }];
+      }
+      hold(leavesBelow(west).map(({ forms }) => forms[1]!.leaf));
+      expect([...plan(root, afar).afar]).toEqual([west]);
+      hold(tilesOf(west));
+      expect([...plan(root, afar).afar]).toEqual([]);
+      hold(leavesBelow(west).map(({ forms }) => forms[0]!.leaf));
+      expect([...plan(root, afar).afar]).toEqual([west]);
+    });
+  });
+
+  it("draws a near leaf by the finest of its forms that is there", () => {
+    const { root, cells } = makeWorld();
+    const leaf = cells.get("0/0/0/0")!;
+    const coarse = { ...leaf.geometry!, level: 1, leaf: new Resource("geometry/0/0/0/0-12", "geometry", 100, leaf) };
+    leaf.forms = [leaf.geometry!, coarse];
+    const levels = (): number[] => plan(root, { near: 1 }).geometry.map(({ level }) => level);
+    expect(levels()).toEqual([]);
+    hold([coarse.leaf]);
+    expect(levels()).toEqual([1]);
+    hold([leaf.geometry!.leaf]);
+    expect(levels()).toEqual([0]);
   });
 
   it("keeps finer cells until the coarser one has come", () => {

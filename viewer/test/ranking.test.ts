@@ -2,13 +2,14 @@ import { describe, expect, it } from "vitest";
 import type { Cell } from "../src/core/cell.js";
 import { makePlan } from "../src/core/plan.js";
 import type { Projection } from "../src/core/projection.js";
+import { Resource } from "../src/core/resource.js";
 import { Sizes } from "../src/core/sizes.js";
 import { Link } from "../src/core/stream/link.js";
 import { Observer } from "../src/core/stream/observer.js";
 import { Ranking, type RankedView } from "../src/core/stream/ranking.js";
 import type { Vector3 } from "../src/core/vector.js";
 import { isNeeded, listWants, URGENCY, type Want } from "../src/core/wants.js";
-import { DIRECTIONS, GRID, hold, makeWorld, MANIFEST, tilesOf, view } from "./worlds.js";
+import { DIRECTIONS, hold, makeWorld, MANIFEST, tilesOf, view } from "./worlds.js";
 
 const BUDGET = 1e9;
 const SHOT = { toX: [1, 0, 0], toY: [0, 0, 1], toW: [0, 1, 0], near: 0.01, width: 200, height: 200, focal: 100 } as const;
@@ -22,15 +23,15 @@ function looking(eye: Vector3, toW: Vector3 = [0, 1, 0]): Projection & { focal: 
 function ranked(ranking: Ranking, root: Cell, changes = {}, budget = BUDGET, seconds = 0): Want[] {
   const seen = view({ eye: EYE, radius: 100, ...changes });
   const wants = listWants([root], makePlan([root], DIRECTIONS, seen), MANIFEST, seen);
-  const cells: RankedView = { ...seen, roots: [root], directions: DIRECTIONS, pitch: GRID.pitch(0), lacks: () => false };
+  const cells: RankedView = { ...seen, roots: [root], directions: DIRECTIONS, holdsImage: () => true, lacks: () => false };
   return ranking.rank(wants, cells, new Observer().see(looking(EYE), seconds, 1), budget);
 }
 
 const names = (wants: readonly Want[]): string[] => [...new Set(wants.map(({ resource }) => resource.cell!.name))];
 
 describe("Ranking", () => {
-  it("brings an outline of everything first, then what is large in the picture", () => {
-    const { root } = makeWorld();
+  it("brings an outline of everything first where that shows most of it, then what is large in the picture", () => {
+    const { root } = makeWorld({ losses: [5, 5, 5, 5] });
     const order = names(ranked(new Ranking(new Link(), new Sizes()), root).filter(({ rank }) => rank !== undefined));
     expect(order[0]).toBe(root.name);
     const [near, far] = ["0/1/0/0", "0/1/3/0"].map((name) => order.indexOf(name));
@@ -57,8 +58,21 @@ describe("Ranking", () => {
     expect(ranked(ranking, root, { frustum: elsewhere }, BUDGET, 2).some(({ resource, urgency }) => resource === between && isNeeded(urgency))).toBe(false);
   });
 
+  it("wants what a server has sent, unless what is there shows it better", () => {
+    const { root, cells } = makeWorld();
+    const leaf = cells.get("0/0/0/0")!;
+    const coarse = { ...leaf.geometry!, level: 1, leaf: new Resource("geometry/0/0/0/0-12", "geometry", 100, leaf) };
+    leaf.forms = [leaf.geometry!, coarse];
+    const wanted = (seconds: number): boolean =>
+      ranked(new Ranking(new Link(), new Sizes()), root, { near: 50 }, BUDGET, seconds).some(({ resource, urgency }) => resource === coarse.leaf && isNeeded(urgency));
+    coarse.leaf.state = "fetched";
+    expect(wanted(0)).toBe(true);
+    hold([leaf.geometry!.leaf]);
+    expect(wanted(0)).toBe(false);
+  });
+
   it("keeps its order for a tenth of a second", () => {
-    const { root } = makeWorld();
+    const { root } = makeWorld({ losses: [5, 5, 5, 5] });
     const ranking = new Ranking(new Link(), new Sizes());
     const first = ranked(ranking, root).map(({ resource }) => resource.key);
     expect(ranked(ranking, root, {}, BUDGET, 0.05).map(({ resource }) => resource.key)).toEqual(first);
@@ -96,6 +110,15 @@ describe("Link", () => {
     link.sent(201, 300);
     link.givenUp(300);
     expect(link.underWay).toBe(0);
+  });
+
+  it("forgets that nothing came for long once something comes", () => {
+    const link = new Link();
+    link.sent(0, 100_000);
+    for (let n = 1; n <= 5; n++) link.acknowledged(0.1 + n / 10, 10_000);
+    expect(link.bandwidth / 100_000).toBeCloseTo(1, 1);
+    for (let n = 0; n < 5; n++) link.acknowledged(10.6 + n / 10, 10_000);
+    expect(link.bandwidth / 100_000).toBeCloseTo(1, 1);
   });
 });
 

@@ -29,6 +29,8 @@ interface StreamVectors {
   }[];
 }
 
+const isImage = (key: string): boolean => key.startsWith("texture/");
+
 /** The cells of a world, and all their resources by key. */
 function readWorld({ grid: g, roots, entries }: StreamVectors): { roots: Cell[]; resources: Map<string, Resource> } {
   const grid = new Grid(g.leaf_size, g.resolution, g.corner, g.axis_levels);
@@ -42,8 +44,9 @@ function readWorld({ grid: g, roots, entries }: StreamVectors): { roots: Cell[];
   const resources = new Map<string, Resource>();
   const list = (cell: Cell): void => {
     const own = [...cell.views.values()].flatMap(({ layers }) => layers);
-    const near = cell.geometry ? [cell.geometry.leaf, ...cell.geometry.meshes] : [];
-    for (const resource of [...own, ...near]) resources.set(resource.key, resource);
+    const near = cell.forms.flatMap(({ leaf, meshes }) => [leaf, ...meshes]);
+    const placed = cell.instances.flatMap(({ forms }) => forms.map(({ mesh }) => mesh));
+    for (const resource of [...own, ...near, ...placed]) resources.set(resource.key, resource);
     cell.children?.forEach(list);
   };
   cells.forEach(list);
@@ -58,10 +61,11 @@ describe("what is to be sent is what Python says", () => {
     expect(vectors.cases.length).toBeGreaterThan(10);
     for (const { viewings, now, far, near, bandwidth, latency, held, chosen } of vectors.cases) {
       const { roots, resources } = readWorld(vectors);
-      for (const key of held) resources.get(key)!.state = "held";
+      const images = new Set(held.filter(isImage));
+      for (const key of held) if (!isImage(key)) resources.get(key)!.state = "held";
       const view: CellsView = {
-        roots, directions: new Map(), pitch, radius: focal * pitch, near: near ?? focal * pitch, farOnly: false,
-        choice: { views: null, leastGain: 10, layers: 2 }, lacks: () => false,
+        roots, directions: new Map(), grid: { leafSize: vectors.grid.leaf_size, resolution: vectors.grid.resolution }, farGeometry: true, radius: focal * pitch, near: near ?? focal * pitch, farOnly: false,
+        choice: { views: null, leastGain: 10, layers: 2 }, holdsImage: (hash) => images.has(`texture/${hash}`), lacks: () => false,
       };
       const scheduler = new Scheduler<Part>(new Pictures(() => view), () => far, () => ({ bandwidth, latency }));
       for (const viewing of viewings) scheduler.follow({ ...viewing, focal, size: vectors.size }, viewing.time);
@@ -69,8 +73,8 @@ describe("what is to be sent is what Python says", () => {
       const seen = new Set<string>();
       const fresh = (keys: string[]): string[] => keys.filter((key) => !seen.has(key) && seen.add(key));
       expect(found.slice(0, chosen.length).map(({ offer: { item }, size }) => ({
-        cell: formatKey(item.cell.key), geometry: item.isGeometry, keys: fresh(item.resources.map(({ key }) => key)), bytes: size,
-      }))).toEqual(chosen.map(({ cell, geometry, keys, bytes }) => ({ cell, geometry, keys, bytes })));
+        cell: item.mesh ?? formatKey(item.cell.key), geometry: item.isGeometry, keys: fresh(item.resources.map(({ key }) => key)), bytes: size,
+      }))).toEqual(chosen.map(({ cell, geometry, keys, bytes }) => ({ cell, geometry, keys: keys.filter((key) => !isImage(key)), bytes })));
       if (chosen.length < 24) expect(found).toHaveLength(chosen.length);
       found.slice(0, chosen.length).forEach(({ benefit }, n) => {
         expect(Math.abs(benefit / chosen[n]!.benefit - 1)).toBeLessThan(1e-4);

@@ -83,7 +83,7 @@ export function tilesOf(cell: Cell): Resource[] {
 /** Everything from leaves: an eye that wants all of them. */
 export function view(changes: Partial<PlanView> = {}): PlanView {
   return {
-    eye: [2, 2, 0.5], frustum: EVERYWHERE, radius: 100, near: 0, farOnly: false,
+    eye: [2, 2, 0.5], frustum: EVERYWHERE, radius: 100, near: 0, farOnly: false, focal: 100, grid: GRID, farGeometry: false,
     choice: { views: 2, leastGain: 10, layers: 2 }, ...changes,
   };
 }

@@ -13,6 +13,7 @@ from farfield.store.contract import Store
 from farfield.world.index import CellEntry
 from farfield.world.keys import objects_key, orthoview_key, record_key
 from farfield.world.limits import DAMAGE, Count
+from farfield.world.reach import geometry_keys, meshes_of
 
 Tiles = dict[tuple[int, int], bytes]
 """(direction, layer) -> encoded tile."""
@@ -49,13 +50,12 @@ class Tally:
     @classmethod
     def of(cls, entry: CellEntry, fresh: bool) -> Tally:
         """Of one cell."""
-        geometry = entry.geometry
         return cls(
             cells=1,
             orthoviews=sum(layer == 0 for _, layer, _ in entry.tiles),
             tiles=len(entry.tiles),
-            bytes=sum(size for _, _, size in entry.tiles) + (geometry.bytes if geometry else 0),
-            meshes=tuple(sorted(geometry.meshes)) if geometry else (),
+            bytes=sum(size for _, _, size in entry.tiles) + sum(size for _, size in geometry_keys(entry)),
+            meshes=tuple(sorted(meshes_of(entry).items())),
             rebuilt=int(fresh),
         )
 

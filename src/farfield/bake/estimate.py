@@ -19,6 +19,7 @@ from farfield.bake.walk import Children
 from farfield.bake.worker import Outcome
 from farfield.octree.grid import CellKey
 from farfield.world.index import CellEntry
+from farfield.world.reach import geometry_keys
 
 FEWEST_LEAVES = 32
 """Below this the whole is done about as soon as the sample."""
@@ -116,7 +117,7 @@ class _Sample:
 def _near_bytes(job: BakeJob, leaves: _Sample) -> float:
     """Of the near geometry of all leaves, which grows with what touches them, and so is mostly in the heaviest."""
     weight = np.diff(job.plan.start)[_positions(job.plan, leaves)].sum()
-    found = sum(entry.geometry.bytes for entry in leaves.entries if entry.geometry is not None)
+    found = sum(size for entry in leaves.entries for _, size in geometry_keys(entry))
     return found / float(weight) * float(job.plan.start[-1])
 
 

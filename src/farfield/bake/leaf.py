@@ -10,15 +10,16 @@ import numpy as np
 from farfield.bake.cell import BakedCell, Record, Tally, latest_record, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
+from farfield.bake.likeness import leaf_errors, places_of, sights_of
+from farfield.bake.near import near_geometry
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, fingerprint, merge, ordered
-from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.world.index import Bounds, CellEntry, GeometryEntry
-from farfield.world.keys import content_hash, geometry_key
+from farfield.world.index import Bounds, CellEntry, GeometryEntry, InstancedMesh
+from farfield.world.keys import content_hash
 
 Parts = dict[int, list[Chunk]]
 """Mesh -> its clipped pieces, in an order of the meshes that depends on their content alone."""
@@ -38,7 +39,10 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     materials = context.materials(tuple(parts))
     chunk = ordered(merge([piece for pieces in parts.values() for piece in pieces]))
     drawn = _drawn_hash(context, chunk, materials)
-    geometry = _near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
+    geometry: GeometryEntry | None = None
+    instances: tuple[InstancedMesh, ...] = ()
+    if context.job.options.geometry:
+        geometry, instances = near_geometry(context, key, position, parts, materials)
     before = latest_record(context.store, key)
     if before is not None and before.drawn == drawn:
         # A mesh that reaches into the leaf has changed elsewhere.
@@ -54,9 +58,13 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
             views=tiles.table.views,
             picks=tiles.picks(),
         )
+        sights = sights_of(context.grid, key, pictures.bounds)
+        layers = tiles.take_layers(places_of(sights, pictures))
+        errors = leaf_errors(sights, chunk, materials.table, pictures, layers)
+        pictures = msgspec.structs.replace(pictures, errors=errors)
         object_bytes = tiles.object_bytes
     output = content_hash(pictures.hash.encode(), geometry.hash.encode() if geometry else b"")
-    entry = msgspec.structs.replace(pictures, geometry=geometry, output=output)
+    entry = msgspec.structs.replace(pictures, geometry=geometry, instances=instances, output=output)
     finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn)
     write_record(context.store, key, finished)
     return _finished(context, key, finished, fresh=tiles is not None, tiles=tiles)
@@ -91,6 +99,7 @@ def _input_hash(context: BakeContext, position: int) -> str:
         context.job.summaries[scene.mesh[i]].content.encode()
         + scene.transform[i].tobytes()
         + int(scene.first_object[i]).to_bytes(8, "little")
+        + bytes([int(context.shared[scene.mesh[i]])])
         for i in np.unique(instances)
     ]
     return content_hash(context.job.signature.encode(), *sorted(rows))
@@ -145,33 +154,6 @@ def _draw(context: BakeContext, key: CellKey, chunk: Chunk, materials: LeafMater
 
     tiles.make(draw)
     return tiles
-
-
-def _near_geometry(
-    context: BakeContext, key: CellKey, position: int, parts: Parts, materials: LeafMaterials
-) -> GeometryEntry:
-    own = [piece for mesh, pieces in parts.items() if not context.shared[mesh] for piece in pieces]
-    chunk = merge(own) if own else None
-    placed, files = [], []
-    for mesh in parts:
-        if context.shared[mesh]:
-            files.append(context.mesh_file(mesh))
-            placed.append(_placed(context, key, position, mesh, files[-1][0]))
-    data = leaf_glb(key, chunk, materials.materials, placed, context.texture_hash)
-    name = content_hash(data)
-    context.store.put(geometry_key(key, name), data)
-    own_triangles = 0 if chunk is None else len(chunk.triangles)
-    return GeometryEntry(name, len(data), own_triangles, sum(len(p.objects) for p in placed), tuple(files))
-
-
-def _placed(context: BakeContext, key: CellKey, position: int, mesh: int, name: str) -> PlacedMesh:
-    table = context.job.scene.instances
-    instances = np.unique(context.job.plan.rows(position)[0])
-    chosen = instances[table.mesh[instances] == mesh]
-    transforms = table.transform[chosen].copy()
-    transforms[:, :, 3] -= context.grid.bounds(key)[0]
-    order = np.lexsort((*transforms.reshape(len(chosen), -1).T, table.first_object[chosen]))
-    return PlacedMesh(name, transforms[order], table.first_object[chosen][order].astype(np.uint32))
 
 
 def _bounds(context: BakeContext, key: CellKey, chunk: Chunk) -> Bounds:

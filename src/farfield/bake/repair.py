@@ -10,7 +10,7 @@ from farfield.octree.grid import CellKey
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry
-from farfield.world.reach import textures_of
+from farfield.world.reach import geometry_keys, meshes_of, textures_of
 from farfield.world.world import World
 
 _CELL = re.compile(r"(?:orthoview|objects|geometry)/(-?\d+/-?\d+/-?\d+/-?\d+)")
@@ -50,12 +50,10 @@ def _forget_users(world: World, shared: set[str]) -> None:
 
 def _needs(store: Store, entry: CellEntry) -> Iterator[str]:
     """Keys of the meshes and images that a leaf's near geometry refers to; a missing mesh's images are unknown."""
-    if entry.geometry is None:
-        return
-    own = keys.geometry_key(entry.cell, entry.geometry.hash)
-    meshes = [keys.mesh_key(name) for name, _ in entry.geometry.meshes]
+    own = [key for key, _ in geometry_keys(entry)]
+    meshes = [keys.mesh_key(name) for name in meshes_of(entry)]
     yield from meshes
-    for key in (own, *meshes):
+    for key in (*own, *meshes):
         try:
             yield from (keys.texture_key(name) for name in textures_of(store.get(key), key))
         except FarfieldError:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from farfield.bake.cell import Tiles
 from farfield.bake.context import BakeContext
+from farfield.bake.likeness import Layers
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.connectivity import mark_connected
@@ -27,6 +28,7 @@ class CellTiles:
         self.encoded: Tiles = {}
         self.objects: Tiles = {}
         self.table = ViewTable((), ())
+        self._drawn: dict[int, list[OrthoLayer]] = {}
 
     def make(self, draw: Callable[[Direction], list[OrthoLayer]]) -> None:
         """Draws, connects and encodes every view, and chooses between them; draw: the layers of one view."""
@@ -41,6 +43,13 @@ class CellTiles:
         drawn = {direction.number: layers for direction, layers in made if layers}
         sizes = {place: len(tile) for place, tile in self.encoded.items()}
         self.table = choose_views(drawn, sizes, context.directions, context.grid, self._key, context.each)
+        self._drawn = drawn
+
+    def take_layers(self, places: Iterable[tuple[int, int]]) -> Layers:
+        """Some layers as they were drawn; all are forgotten then."""
+        drawn, self._drawn = self._drawn, {}
+        directions = {direction.number: direction for direction in self._context.directions}
+        return {(number, layer): (directions[number], drawn[number][layer]) for number, layer in places}
 
     def _add(self, direction: Direction, layers: list[OrthoLayer]) -> None:
         """Connects and encodes the layers of one view; object ids of the first layer only."""

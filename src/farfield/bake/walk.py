@@ -15,6 +15,7 @@ from farfield.bake.cell import BakedCell, Record, Tally, Tiles, read_record, wri
 from farfield.bake.context import BakeContext
 from farfield.bake.index import close_index_tile
 from farfield.bake.leaf import bake_leaf
+from farfield.bake.likeness import Layers, Sight, parent_errors, places_of, sights_of
 from farfield.bake.tiles import CellTiles, store_tiles
 from farfield.geometry.directions import Direction
 from farfield.octree.grid import CellKey
@@ -51,16 +52,21 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     fresh = before is None
     tiles = objects = None
     if before is None:
-        built = _composite(context, key, below)
+        bounds = _union([c.record.entry.bounds for c in below])
+        sights = sights_of(context.grid, key, bounds)
+        built, theirs = _composite(context, key, below, sights)
         entry = CellEntry(
             key=str(key),
-            bounds=_union([c.record.entry.bounds for c in below]),
+            bounds=bounds,
             error=context.grid.pitch(key.level),
             hash=store_tiles(context, key, built),
             tiles=built.listing(),
             views=built.table.views,
             picks=built.picks(),
         )
+        layers = built.take_layers(places_of(sights, entry))
+        told = parent_errors(sights, entry, layers, theirs)
+        entry = msgspec.structs.replace(entry, errors=told.errors, losses=told.losses)
         object_bytes = built.object_bytes
         tiles, objects = built.encoded, built.objects
     else:
@@ -77,17 +83,26 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     return baked
 
 
-def _composite(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) -> CellTiles:
+def _composite(
+    context: BakeContext, key: CellKey, below: Sequence[BakedCell], sights: Sequence[Sight]
+) -> tuple[CellTiles, list[tuple[CellEntry, Layers]]]:
+    """The cell's tiles, and the layers of its children by which these are drawn from there."""
     tiles = CellTiles(context, key)
+    wanted = [places_of(sights, cell.record.entry) for cell in below]
+    seen: list[dict[tuple[int, int], tuple[Direction, OrthoLayer]]] = [{} for _ in below]
     # Read before any thread asks for them.
     encoded = [(cell, cell.tiles_from(context.store), cell.objects_from(context.store)) for cell in below]
 
     def draw(direction: Direction) -> list[OrthoLayer]:
         children = [_decoded(context, *cell, direction.number) for cell in encoded]
+        for layers, places, own in zip(children, wanted, seen, strict=True):
+            for n, layer in enumerate(layers):
+                if (direction.number, n) in places:
+                    own[direction.number, n] = direction, layer
         return composite([c for c in children if c], context.job.options.depth_layers)
 
     tiles.make(draw)
-    return tiles
+    return tiles, [(cell.record.entry, own) for cell, own in zip(below, seen, strict=True)]
 
 
 def _decoded(context: BakeContext, cell: BakedCell, encoded: Tiles, objects: Tiles, direction: int) -> list[OrthoLayer]:

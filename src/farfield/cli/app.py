@@ -25,6 +25,7 @@ COMMANDS = (
     "gc",
     "render",
     "compare",
+    "walk",
     "coverage",
     "make",
     "warmup",

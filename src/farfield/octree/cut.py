@@ -81,6 +81,10 @@ def cut(tree: Tree, grid: Grid, eye: NDArray[np.float64], radius: float, near: f
 
 def view_bin(middle: NDArray[np.float64], eye: NDArray[np.float64]) -> int:
     """Number of the principal direction nearest by angle to the vector middle -> eye; ties to the lower number."""
-    towards = np.asarray(eye, dtype=np.float64) - middle
-    cosine = _BINS[:, 0] * towards[0] + _BINS[:, 1] * towards[1] + _BINS[:, 2] * towards[2]
-    return int(np.argmax(cosine))
+    return int(view_bins(middle[None], eye)[0])
+
+
+def view_bins(middles: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(n,) the same of each of (n, 3) middles."""
+    x, y, z = (np.asarray(eye, dtype=np.float64) - middles).T[..., None]
+    return np.asarray(np.argmax(_BINS[:, 0] * x + _BINS[:, 1] * y + _BINS[:, 2] * z, axis=1))

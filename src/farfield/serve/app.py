@@ -27,9 +27,12 @@ from farfield.store import Store
 MAX_TARGET = 16 * 1024
 """Bytes of path and query together: a batch of 128 of the longest keys in use takes 13 kB."""
 
+_EXPOSED = "Content-Length", "Content-Range", "ETag", "Farfield-Batch", "Farfield-Events", "Farfield-Stream"
+"""Headers that pages of other origins may read."""
+
 _EVERY_ANSWER = [
     (b"access-control-allow-origin", b"*"),
-    (b"access-control-expose-headers", b"Content-Length, Content-Range, ETag, Farfield-Batch, Farfield-Events"),
+    (b"access-control-expose-headers", ", ".join(_EXPOSED).encode()),
     (b"cross-origin-resource-policy", b"cross-origin"),
     (b"timing-allow-origin", b"*"),
     (b"x-content-type-options", b"nosniff"),

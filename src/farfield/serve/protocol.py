@@ -1,4 +1,4 @@
-"""uvicorn's HTTP/1.1, with a watch on every connection: clients that stall are let go."""
+"""uvicorn's HTTP/1.1 and WebSocket, with a watch on every connection: clients that stall are let go."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import struct
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 STALL_SECONDS = 30.0
 """Without a whole request, or without taking any of the answer, for so long: the connection is cut.
@@ -15,6 +16,9 @@ STALL_SECONDS = 30.0
 uvicorn itself limits only the pause between two requests; a client that sends a header byte by byte, or asks for a
 mesh and never reads it, would hold its connection for ever.
 """
+
+CLOSE_SECONDS = 2.0
+"""In which a client takes the end of its session: what it leaves is dropped."""
 
 
 class WatchedProtocol(H11Protocol):
@@ -54,4 +58,17 @@ class WatchedProtocol(H11Protocol):
         connection = self.transport.get_extra_info("socket")
         if connection is not None:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.transport.abort()
+
+
+class SessionProtocol(WebSocketsSansIOProtocol):
+    """One session. uvicorn closes a connection only when all that waits for it has been taken, which may be never."""
+
+    async def run_asgi(self) -> None:
+        """See uvicorn."""
+        await super().run_asgi()
+        self.loop.call_later(CLOSE_SECONDS, self.transport.abort)
+
+    def keepalive_timeout(self) -> None:
+        """See uvicorn. Who answers no ping has vanished, and hears no reason."""
         self.transport.abort()

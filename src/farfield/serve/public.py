@@ -31,7 +31,7 @@ _TYPES = {
     ".txt": "text/plain; charset=utf-8",
 }
 
-_FOLDER_TYPES = {"geometry": "model/gltf-binary", "mesh": "model/gltf-binary", "attributes": "application/json"}
+_FOLDER_TYPES = {"attributes": "application/json"}
 
 OCTETS = "application/octet-stream"
 
@@ -74,9 +74,9 @@ def content_type(key: str, head: bytes) -> str:
     return OCTETS if is_permanent(key) else _TYPES.get(key[key.rfind(".") :], OCTETS)
 
 
-def is_text(kind: str) -> bool:
+def is_compressible(kind: str) -> bool:
     """Whether values of this Content-Type get smaller by gzip; everything else is packed already."""
-    return kind.startswith("text/") or kind in ("application/json", "image/svg+xml")
+    return kind.startswith("text/") or kind in ("application/json", "application/wasm", "image/svg+xml")
 
 
 def _image_type(head: bytes) -> str:

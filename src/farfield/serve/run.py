@@ -20,8 +20,8 @@ import uvicorn
 from farfield.errors import OptionError, ServeError
 from farfield.serve.app import create_app
 from farfield.serve.clock import Clock, WallClock
-from farfield.serve.protocol import STALL_SECONDS, WatchedProtocol
-from farfield.serve.push.endpoint import PushLimits
+from farfield.serve.protocol import STALL_SECONDS, SessionProtocol, WatchedProtocol
+from farfield.serve.push.endpoint import PushLimits, load
 from farfield.serve.push.messages import MAX_MESSAGE
 from farfield.serve.throttle import Link
 from farfield.serve.viewer_files import page_store
@@ -156,8 +156,10 @@ class _Server(uvicorn.Server):
         config = uvicorn.Config(
             create_app(world, page_store(), Link(bandwidth, options.delay, options.clock), options.sessions),
             http=protocol,
-            ws="websockets-sansio",
+            ws=SessionProtocol,
             ws_max_size=MAX_MESSAGE,
+            # Values are packed already: to deflate a piece again takes .4 ms and saves nothing.
+            ws_per_message_deflate=False,
             lifespan="off",
             log_level="error",
             access_log=False,
@@ -176,6 +178,8 @@ class _Server(uvicorn.Server):
         await super().startup(sockets)
         url = page_url((sockets or [])[0])
         self._announce(url)
+        # Every page asks for a session, and opens faster than that is loaded.
+        threading.Thread(target=load, daemon=True).start()
         if self._open_browser and _has_display():
             await asyncio.get_running_loop().run_in_executor(None, webbrowser.open, url)
 

@@ -17,6 +17,9 @@ SLICES_A_SECOND = 20
 BURST_SECONDS = 0.05
 """How much of an idle link's past may be used up at once."""
 
+BUFFERED = 64
+"""Messages of a session that wait for the link, like those in the buffers of a socket: 1 MB of pieces."""
+
 UNENDING = "/events"
 """Its answer does not end, and is a few bytes an hour: it does not go through the link."""
 
@@ -78,7 +81,7 @@ class Throttle:
 
     async def _slow_session(self, scope: Scope, receive: Receive, send: Send) -> None:
         """What a session sends is taken at once, as by the buffers of a socket, and leaves as fast as the link does."""
-        clock, waiting = self._link.clock, asyncio.Queue[tuple[float, Message]]()
+        clock, waiting = self._link.clock, asyncio.Queue[tuple[float, Message]](BUFFERED)
 
         async def slow_send(message: Message) -> None:
             size = len(message.get("bytes") or b"") + len(message.get("text") or "")
@@ -91,13 +94,15 @@ class Throttle:
                 await send(message)
                 waiting.task_done()
 
-        leaving = asyncio.create_task(leave())
+        tasks = [asyncio.create_task(leave())]
         try:
             await self._app(scope, receive, slow_send)
-            await asyncio.wait({leaving, asyncio.create_task(waiting.join())}, return_when=asyncio.FIRST_COMPLETED)
+            tasks.append(asyncio.create_task(waiting.join()))
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            leaving.cancel()
-            await asyncio.gather(leaving, return_exceptions=True)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
     def _slowed(self, send: Send) -> Send:
         async def slow_send(message: Message) -> None:

@@ -1,4 +1,4 @@
-"""One value of a store as an HTTP response: conditional requests, one byte range, gzip for text."""
+"""One value of a store as an HTTP response: conditional requests, one byte range, gzip for what is not packed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import lru_cache
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
-from farfield.serve.public import MANIFEST, cache_control, content_type, is_permanent, is_text, tag_of
+from farfield.serve.public import MANIFEST, cache_control, content_type, is_compressible, is_permanent, tag_of
 from farfield.store import Store
 
 CHUNK = 256 * 1024
@@ -30,7 +30,7 @@ def value_response(store: Store, key: str, request: Request) -> Response:
     if not is_permanent(key):
         return _small(store.get(key), key, request)
     kind = content_type(key, store.get_range(key, 0, 12))
-    if is_text(kind):
+    if is_compressible(kind):
         return _small(store.get(key), key, request)
     return _permanent(store, key, kind, request)
 
@@ -39,13 +39,13 @@ def _small(body: bytes, key: str, request: Request) -> Response:
     """A value that is read as a whole: it is text, or its ETag has to be computed."""
     kind = content_type(key, body)
     tag = tag_of(body)
-    headers = _headers(key, f'"{tag}"') | ({"Vary": "Accept-Encoding"} if is_text(kind) else {})
+    headers = _headers(key, f'"{tag}"') | ({"Vary": "Accept-Encoding"} if is_compressible(kind) else {})
     if _is_known(request, headers["ETag"]) or _is_known(request, f'"{tag}-gz"'):
         return Response(status_code=304, headers=headers)
     part = _range_of(request, len(body), headers["ETag"])
     if part is not None:
         return _part_response(part, len(body), kind, headers, iter([body[part[0] : part[0] + part[1]]]))
-    if is_text(kind) and len(body) >= SMALLEST_GZIP and _takes_gzip(request):
+    if is_compressible(kind) and len(body) >= SMALLEST_GZIP and _takes_gzip(request):
         body = _gzipped(body)
         headers |= {"Content-Encoding": "gzip", "ETag": f'"{tag}-gz"'}
     headers["Content-Length"] = str(len(body))
@@ -79,7 +79,7 @@ def chunks(store: Store, key: str, start: int, length: int) -> Iterator[bytes]:
 def _headers(key: str, tag: str) -> dict[str, str]:
     headers = {"Cache-Control": cache_control(key), "ETag": tag, "Accept-Ranges": "bytes"}
     if key == MANIFEST:
-        headers |= {"Farfield-Batch": "batch", "Farfield-Events": "events"}
+        headers |= {"Farfield-Batch": "batch", "Farfield-Events": "events", "Farfield-Stream": "stream"}
     return headers
 
 

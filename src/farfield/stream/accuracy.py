@@ -8,14 +8,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from farfield.world.index import ERROR_SPACING, FARTHEST
+
 Floats = NDArray[np.float64]
 FULL_ANGLE = np.radians(60.0)
 """Impostors seen at this angle to their plane or more squarely are as good as seen head on."""
 
-PICTURE = 0.92
-"""Of pictures whose pixels are no wider than the screen's."""
-BLUR = 0.03, 0.0065
-"""By which pictures are worse for each time that they are twice as coarse, and for the square of that."""
+UNTOLD = (0.08, 0.12, 0.23)
+"""Errors of pictures in worlds that do not tell them (CellEntry.errors): means of three scenes."""
+UNTOLD_LOSS = 0.12
+"""The same of their losses (CellEntry.losses)."""
+LOST, LEAST_LOST = 0.4, 0.2
+"""See `loss_from`."""
+LEAST_STEP = 0.05
+"""By which pictures are worse at least for each ERROR_SPACING times that they are coarser than what is told."""
 
 
 def level_accuracy(area: ArrayLike, faces: ArrayLike, all_faces: ArrayLike) -> Floats:
@@ -52,16 +58,28 @@ def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:
     return np.asarray(np.sqrt(np.minimum(1.0, share)))
 
 
-def picture_accuracy(pitch: ArrayLike) -> Floats:
+def picture_accuracy(told: ArrayLike, pitch: ArrayLike) -> Floats:
     """Of a cell's pictures against its geometry, by how wide their pixels are on the screen; no part of the thesis.
 
-    pitch: pixels of the screen from one pixel of a picture to the next. Measured as 1 - FLIP / FLIP of nothing at all:
-    three scenes from three sides each, with pixels as wide as the screen's and twice to sixteen times as wide: .91,
-    .86, .81, .74, .70 (docs/performance.md, What comes first on a slow link). Beyond that it is a guess: a thousand
-    times as wide they show nothing.
+    told: (..., 3) errors that the bake measured, 0 to 1 (CellEntry.errors). pitch: (...) pixels of the screen from one
+    pixel of a picture to the next. Beyond what is told it goes on as it did before.
     """
-    blur = np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1.0))
-    return np.asarray(np.maximum(PICTURE - (BLUR[0] + BLUR[1] * blur) * blur, 0.0))
+    errors = np.asarray(told, dtype=np.float64)
+    at = np.log(np.maximum(FARTHEST * np.asarray(pitch, dtype=np.float64), 1.0)) / np.log(ERROR_SPACING)
+    first, second, third = errors[..., 0], errors[..., 1], errors[..., 2]
+    within = np.where(at < 1, first + (second - first) * at, second + (third - second) * (at - 1))
+    beyond = third + np.maximum(third - second, LEAST_STEP) * (at - 2)
+    return np.asarray(np.maximum(1 - np.where(at > 2, beyond, within), 0.0))
+
+
+def loss_from(loss: ArrayLike, pitch: ArrayLike) -> Floats:
+    """Of what is lost by a cell's pictures in the place of a child's: how much shows from farther away, or nearer.
+
+    loss: where the child's pixels are as wide as the screen's (CellEntry.losses). pitch: of the cell's pictures, pixels
+    of the screen. Measured: less by .4 of it each time that they are half as wide, down to a fifth.
+    """
+    share = np.clip(LOST * np.log2(np.maximum(np.asarray(pitch, dtype=np.float64), 1e-9)) + 1 - LOST, LEAST_LOST, 1.0)
+    return np.asarray(np.asarray(loss, dtype=np.float64) * share)
 
 
 def compound_accuracy(geometry: ArrayLike, texture: ArrayLike) -> Floats:

@@ -74,6 +74,10 @@ class Objects(Protocol):
         """
         ...
 
+    def importance(self, outlook: Outlook) -> NDArray[np.float32]:
+        """(n,) factors of their benefit, after the last call (BEN 4.3). outlook: what will be seen of them."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class FixedObjects:
@@ -81,10 +85,16 @@ class FixedObjects:
 
     places: NDArray[np.float64]
     """(n, 6) local metres, lower and upper corners."""
+    factors: NDArray[np.float32] | None = None
+    """(n,) see `importance`; None: all are 1."""
 
     def boxes(self, prediction: Prediction, seconds: float) -> NDArray[np.float64]:
         """See Objects."""
         return self.places
+
+    def importance(self, outlook: Outlook) -> NDArray[np.float32]:
+        """See Objects."""
+        return np.ones(len(self.places), np.float32) if self.factors is None else self.factors
 
 
 class Kind(Protocol):

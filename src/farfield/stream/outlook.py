@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,8 @@ class Outlook:
     """(n, k) of the whole rectangle, pixels; the same."""
     focal: float
     """Pixels of one unit at distance one."""
+    pixels: int
+    """Of the whole picture."""
 
 
 def cutoff(prediction: Prediction, now: float, far: float) -> float:
@@ -101,7 +104,8 @@ def _sampled(prediction: Prediction, boxes: Floats, bounds: Floats) -> Outlook:
     eyes, forwards = prediction.eyes(middles), prediction.forwards(middles)
     seen = _seen(prediction, boxes, eyes, forwards)
     visible, whole, height = (np.ascontiguousarray(seen[..., n]) for n in range(3))
-    return Outlook(bounds, eyes, forwards, visible, whole, height, prediction.viewing.focal)
+    viewing = prediction.viewing
+    return Outlook(bounds, eyes, forwards, visible, whole, height, viewing.focal, math.prod(viewing.size))
 
 
 def _turning(prediction: Prediction, boxes: Floats, seconds: float) -> Outlook:
@@ -140,6 +144,7 @@ def _turning(prediction: Prediction, boxes: Floats, seconds: float) -> Outlook:
         np.broadcast_to(seen[:, :1, 1], shape),
         np.broadcast_to(seen[:, :1, 2], shape),
         viewing.focal,
+        math.prod(viewing.size),
     )
 
 

@@ -8,17 +8,33 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
+from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
 from farfield.stream.offers import SHARES
-from farfield.world.index import CellEntry
-from farfield.world.keys import geometry_key, mesh_key, orthoview_key
+from farfield.world.index import ERROR_SPACING, CellEntry, InstancedMesh
+from farfield.world.keys import mesh_key, orthoview_key
+from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
 
+Floats = NDArray[np.float64]
 NONE = -1
 LAYERS = 2
 """Depth layers that are drawn of a view."""
+MOST_LEAVES = 256
+"""Below a cell that is shown as geometry, at most."""
+TRIANGLES = 0.25
+"""Triangles for each pixel of a view that a cell may have to be geometry from afar, at most. Drawn in software they
+take no longer than the cell's points: those of three scenes are .07 to .13 for each pixel, and take four times as long
+each (docs/performance.md, Beside mesh levels of detail)."""
+MESH_TRIANGLES = 1.0
+"""The same of all instances in a cell, which are drawn while its pictures are on their way."""
+REACH = 120.0
+"""Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 along an edge."""
+_REACHES = 3
+"""Views that errors are told for."""
 REMEMBERED = 20_000
 """Cells seen from a side whose tiles are kept listed: some 30 MB."""
 
@@ -38,6 +54,12 @@ class CellValues:
     """How many of them are offered together, ascending."""
     leaves: int = 1
     """How many leaves' geometry it is, `cell` and those after it."""
+    level: int = 0
+    """Of geometry: 0 = full, the larger the coarser."""
+    refers: frozenset[str] = frozenset()
+    """Those of the keys that other cells' geometry may have too: meshes and images."""
+    listed: frozenset[str] = frozenset()
+    """Those of the keys that are meshes of which leaves below list instances: they are sent by themselves."""
 
     def shown_by(self, held: set[str]) -> float:
         """Share that the viewer has."""
@@ -45,6 +67,104 @@ class CellValues:
         if self.is_geometry:
             return float(all(there))
         return sum(share for share, is_there in zip(self.shares, there, strict=True) if is_there)
+
+
+@dataclass(frozen=True, slots=True)
+class CellForms:
+    """A cell as geometry, from fine to coarse: of a leaf its forms, of others those of all leaves below together."""
+
+    values: tuple[CellValues, ...]
+    errors: Floats
+    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is as wide as one of a leaf's pictures (of a
+    mesh: MESH_FARTHEST times as wide), then ERROR_SPACING times as narrow each."""
+    far: NDArray[np.bool_]
+    """(forms,) whether it has few enough triangles to be drawn from farther than near."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instances:
+    """m instances of shared meshes that the index lists, those of a leaf in a row."""
+
+    bounds: Floats
+    """(m, 6) local metres."""
+    transforms: Floats
+    """(m, 3, 4) from the mesh's frame to local metres."""
+    objects: NDArray[np.int64]
+    """(m,) object id of the mesh's object 0."""
+    leaf: NDArray[np.int32]
+    """(m,) number of the leaf that each has its place in, ascending."""
+    mesh: NDArray[np.int32]
+    """(m,) into `forms`."""
+    forms: tuple[CellForms, ...]
+    """Of each mesh, its levels from fine to coarse."""
+    triangles: tuple[tuple[int, ...], ...]
+    """Of each mesh those of each level."""
+    levels: NDArray[np.int64]
+    """(meshes,) how many each has."""
+    counts: Floats
+    """(meshes, levels) triangles of each level; of those with fewer levels 1 behind their ends."""
+    told: Floats
+    """(meshes, levels, 3) their errors; the same."""
+
+    @classmethod
+    def of(cls, grid: Grid, entries: Sequence[CellEntry]) -> Instances:
+        """All that are listed."""
+        numbers: dict[str, int] = {}
+        meshes: list[InstancedMesh] = []
+        bounds, turns = [np.zeros((0, 6))], [np.zeros((0, 3, 4))]
+        objects: list[int] = []
+        places: list[tuple[int, int]] = []
+        for leaf, entry in enumerate(entries):
+            for listed in entry.instances:
+                number = numbers.setdefault(listed.levels[0].hash, len(meshes))
+                if number == len(meshes):
+                    meshes.append(listed)
+                own = np.array(listed.transforms, np.float64).reshape(-1, 3, 4)
+                own[:, :, 3] += grid.bounds(entry.cell)[0]
+                bounds.append(_placed_boxes(np.array(listed.bounds), own))
+                turns.append(own)
+                objects += listed.objects
+                places += [(leaf, number)] * len(own)
+        of = np.array(places, np.int32).reshape(-1, 2)
+        forms = tuple(_mesh_forms(mesh) for mesh in meshes)
+        counts = tuple(tuple(level.triangles for level in mesh.levels) for mesh in meshes)
+        every = np.concatenate(bounds), np.concatenate(turns), np.array(objects, np.int64)
+        levels = np.array(list(map(len, counts)), np.int64)
+        told = np.ones((len(meshes), int(levels.max(initial=0)), _REACHES))
+        for number, mesh_forms in enumerate(forms):
+            told[number, : len(mesh_forms.errors)] = mesh_forms.errors
+        table = np.ones(told.shape[:2])
+        for number, count in enumerate(counts):
+            table[number, : len(count)] = count
+        return cls(*every, of[:, 0].copy(), of[:, 1].copy(), forms, counts, levels, table, told)
+
+    @property
+    def sides(self) -> Floats:
+        """(m,) square metres of the rectangle round each as it is seen from a side, at most."""
+        across = self.bounds[:, 3:] - self.bounds[:, :3]
+        return np.asarray(np.hypot(across[:, 0], across[:, 1]) * across[:, 2])
+
+
+def _mesh_forms(listed: InstancedMesh) -> CellForms:
+    values, errors = [], []
+    for number, level in enumerate(listed.levels):
+        keys, sizes = zip(*level_values(level), strict=True)
+        values.append(
+            CellValues(listed.levels[0].hash, True, keys, sizes, (), (len(keys),), 1, number, frozenset(keys))
+        )
+        errors.append(_told(level.errors))
+    return CellForms(tuple(values), np.array(errors), np.ones(len(values), bool))
+
+
+def _placed_boxes(bounds: Floats, transforms: Floats) -> Floats:
+    """(n, 6) boxes round a box, (2, 3), placed by (n, 3, 4)."""
+    middle, half = bounds.mean(axis=0), (bounds[1] - bounds[0]) / 2
+    at = transforms[:, :, :3] @ middle + transforms[:, :, 3]
+    reach = np.abs(transforms[:, :, :3]) @ half
+    return np.concatenate([at - reach, at + reach], axis=1)
+
+
+NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool))
 
 
 class CellTree:
@@ -66,6 +186,16 @@ class CellTree:
         """(n, 6) the same of what is in them."""
         self.errors = np.array([entry.error for entry in entries], np.float64)
         """(n,) metres between the pixels of their pictures."""
+        told = [_told(entry.errors) if entry.errors else np.array(UNTOLD) for entry in entries]
+        self.told = np.array(told).reshape(-1, _REACHES)
+        """(n, 3) errors of their pictures, 0 to 1, for the views that CellEntry.errors tells them for."""
+        self.losses = np.full(len(entries), UNTOLD_LOSS)
+        """(n,) what is lost of each cell by the pictures of its parent in its place (CellEntry.losses)."""
+        numbers = {entry.key: number for number, entry in enumerate(entries)}
+        for entry in entries:
+            for child, loss in zip(entry.children, entry.losses, strict=False):
+                if child in numbers:
+                    self.losses[numbers[child]] = loss / 255
         self.has_pictures = np.array([len(entry.tiles) > 0 for entry in entries], bool)
         self.has_geometry = np.array([entry.geometry is not None for entry in entries], bool)
         self.children = np.zeros((len(entries), 2), np.int32)
@@ -75,8 +205,16 @@ class CellTree:
         self.children[self.parents[first], 0] = first
         np.add.at(self.children[:, 1], self.parents[below], 1)
         self.roots = np.flatnonzero(self.parents == NONE).astype(np.int32)
+        self.instances = Instances.of(grid, entries)
+        self.instances_below = lru_cache(REMEMBERED)(self._instances_below)
+        """Cell -> (k,) rows of `instances` in the leaves that it is geometry by."""
+        self.finest_afar = lru_cache(REMEMBERED)(self._finest_afar)
+        """Cell -> the finest level by which its instances may be drawn from farther than near, those of meshes that
+        have no such level by their coarsest; NONE: they have too many triangles."""
         self.pictures = lru_cache(REMEMBERED)(self._pictures)
         """The tiles that a cell is drawn from; cell, view bin and least gain -> CellValues."""
+        self.forms = lru_cache(REMEMBERED)(self._forms)
+        """Cell -> CellForms, each of which is drawn whole or not at all; none of a cell with a leaf that has none."""
 
     @classmethod
     def of(cls, world: World) -> CellTree:
@@ -94,6 +232,65 @@ class CellTree:
                 continue
         return cls(world.grid, entries, parents)
 
+    def leaves_below(self, cell: int) -> list[int]:
+        """Numbers of the leaves that a cell is geometry by; none when one has no geometry, or there are too many."""
+        found: list[int] = []
+        waiting = [cell]
+        while waiting:
+            own = waiting.pop()
+            first, count = self.children[own].tolist()
+            if count:
+                waiting.extend(range(first + count - 1, first - 1, -1))
+            elif self.has_geometry[own] and len(found) < MOST_LEAVES:
+                found.append(own)
+            elif self.has_pictures[own]:
+                return []
+        return found
+
+    def _instances_below(self, cell: int) -> NDArray[np.int64]:
+        if not len(self.instances.leaf):
+            return np.zeros(0, np.int64)
+        first, last = (
+            np.searchsorted(self.instances.leaf, self.leaves_below(cell), side) for side in ("left", "right")
+        )
+        return np.concatenate([np.zeros(0, np.int64), *(np.arange(*own) for own in zip(first, last, strict=True))])
+
+    def _finest_afar(self, cell: int) -> int:
+        listed = self.instances
+        meshes, counts = np.unique(listed.mesh[self.instances_below(cell)], return_counts=True)
+        own = [listed.triangles[mesh] for mesh in meshes.tolist()]
+        for level in range(max(map(len, own), default=0)):
+            each = [triangles[min(level, len(triangles) - 1)] for triangles in own]
+            if int(np.dot(counts, each)) <= MESH_TRIANGLES * self.grid.resolution**2:
+                return level
+        return NONE
+
+    def may_be_afar(self, cell: int, level: int, levels: int) -> bool:
+        """Whether instances in it may be drawn from farther than near by a level of a mesh that has so many."""
+        finest = self.finest_afar(cell)
+        return finest != NONE and level >= min(finest, levels - 1)
+
+    def _forms(self, cell: int) -> CellForms:
+        leaves = [self.entries[leaf] for leaf in self.leaves_below(cell)]
+        near = [(entry.cell, entry.geometry.forms) for entry in leaves if entry.geometry is not None]
+        count = max((len(forms) for _, forms in near), default=0)
+        if not count:
+            return NO_FORMS
+        name, most = self.entries[cell].key, TRIANGLES * self.grid.resolution**2
+        listed = {mesh_key(level.hash) for entry in leaves for mesh in entry.instances for level in mesh.levels}
+        values, errors, far = [], [], []
+        for level in range(count):
+            own = [(key, forms[min(level, len(forms) - 1)]) for key, forms in near]
+            sizes = dict(value for one in own for value in form_values(*one))
+            refers = frozenset(key for key in sizes if not key.startswith("geometry/"))
+            own_sizes = tuple(sizes.values())
+            steps, by_themselves = (len(sizes),), refers & listed
+            values.append(CellValues(name, True, tuple(sizes), own_sizes, (), steps, 1, level, refers, by_themselves))
+            errors.append(np.mean([_told(form.errors) for _, form in own], axis=0))
+            drawn = [form.drawn or (0 if form.instances else form.triangles) for _, form in own]
+            far.append(all(drawn) and sum(drawn) <= most)
+        return CellForms(tuple(values), np.array(errors), np.array(far, bool))
+
     def _pictures(self, cell: int, from_bin: int, least_gain: float) -> CellValues:
         """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
         entry = self.entries[cell]
@@ -106,14 +303,23 @@ class CellTree:
         sizes = tuple(size for _, _, size in tiles)
         return CellValues(entry.key, False, keys, sizes, shares, _steps(shares))
 
-    def geometry(self, cell: int) -> CellValues:
-        """What a leaf is drawn from as triangles: nothing less than all of it."""
-        entry = self.entries[cell]
-        near = entry.geometry
-        assert near is not None
-        keys = (geometry_key(entry.cell, near.hash), *(mesh_key(name) for name, _ in near.meshes))
-        sizes = (near.bytes, *(size for _, size in near.meshes))
-        return CellValues(entry.key, True, keys, sizes, (), (len(keys),))
+    def errors_at(self, told: Floats, widths: Floats, farthest: float = 1.0) -> Floats:
+        """(f, k) of forms with errors as CellForms tells them, (f, 3), where pixels are (f, k) metres wide.
+
+        farthest: pixels of a leaf's pictures that one is wide in the first view that they are told for.
+        """
+        narrow = np.log(farthest * self.grid.pitch(0) / np.maximum(widths, 1e-9)) / np.log(ERROR_SPACING)
+        at = np.clip(narrow, 0.0, _REACHES - 1.0)
+        below = np.minimum(at.astype(np.int64), _REACHES - 2)
+        rows = np.arange(len(told))[:, None]
+        low, high = told[rows, below], told[rows, below + 1]
+        return np.asarray(low + (high - low) * (at - below))
+
+
+def _told(errors: Sequence[int]) -> Floats:
+    """(3,) errors of the index, 0 to 1; what is told for fewer views goes on as it ends."""
+    known = tuple(errors[:_REACHES]) or (0,)
+    return np.array([*known, *known[-1:] * (_REACHES - len(known))]) / 255
 
 
 def _steps(shares: Sequence[float]) -> tuple[int, ...]:

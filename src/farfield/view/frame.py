@@ -69,17 +69,19 @@ class Frame:
         light: Light,
         box: NDArray[np.float64] | None = None,
         splats: Splats = Splats.COVERED,
+        moved: NDArray[np.float64] | None = None,
     ) -> int:
         """Draws one layer of an orthoview; returns the number of splats in the frame.
 
-        box: (2, 3) local metres to clip to, half-open; None: no clipping. splats: their shapes.
+        box: (2, 3) local metres to clip to, half-open; None: no clipping. splats: their shapes. moved: (3,) metres by
+        which all of it is drawn elsewhere; None: it is not.
         """
         layer = splats.applied(layer)
         return int(
             splat.splat_layer(
                 layer.depth, layer.color, layer.normal, layer.length, layer.coverage, layer.connected,
                 _NO_OBJECTS if layer.objects is None else layer.objects, layer.x, layer.y,
-                self._placement(layer, direction, grid, level, light, box),
+                self._placement(layer, direction, grid, level, light, box, moved),
                 np.float32(grid.pitch(level)), np.float32(NEAR_PLANE), box is not None, splats.shape,
                 self.depth, self.surface, self.normal, self.objects,
             )
@@ -93,9 +95,11 @@ class Frame:
         level: int,
         light: Light,
         box: NDArray[np.float64] | None,
+        moved: NDArray[np.float64] | None,
     ) -> NDArray[np.float32]:
         """(10, 3) float32, see splat_layer; differences of large coordinates are taken in double precision."""
         axes, eye = direction.axes, np.array(self.camera.eye, dtype=np.float64)
+        eye = eye if moved is None else eye - moved
         placement = np.zeros((10, 3))
         corner = np.array([layer.x, layer.y, layer.depth_base / 8]) * grid.pitch(level)
         placement[splat.ORIGIN] = axes @ (np.array(grid.corner) - eye) + corner

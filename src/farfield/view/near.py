@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +16,18 @@ from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Texture
 from farfield.view.geometry import Batches
-from farfield.world.index import CellEntry, GeometryEntry
+from farfield.view.kinds import PlacedInstance
+from farfield.world.index import CellEntry, GeometryLevel
 from farfield.world.keys import geometry_key, mesh_key, texture_key
+from farfield.world.reach import form_values
 from farfield.world.world import World
 
 _HINT = "run farfield verify"
+
+
+def is_held(cell: CellKey, form: GeometryLevel, held: Collection[str] | None) -> bool:
+    """Whether a form of a leaf's geometry may be drawn by who holds these keys; None: all."""
+    return held is None or all(key in held for key, _ in form_values(cell, form))
 
 
 class NearGeometry:
@@ -34,23 +41,48 @@ class NearGeometry:
         self.bytes = 0
         """Encoded size of everything read so far."""
 
-    def draw(self, entries: Iterable[CellEntry], batches: Batches) -> int:
-        """Draws the leaves; returns how many could not be read."""
+    def draw(self, entries: Iterable[CellEntry], batches: Batches, held: Collection[str] | None = None) -> int:
+        """Draws the leaves, each by the finest form that can be read; returns how many have none.
+
+        held: keys of what may be drawn; None: all.
+        """
         unreadable = 0
         for entry in entries:
             if entry.geometry is None:
                 continue
-            try:
-                self._draw_leaf(entry, entry.geometry, batches)
-            except CorruptTileError:
+            for form in entry.geometry.forms:
+                if not is_held(entry.cell, form, held):
+                    continue
+                try:
+                    self._draw_leaf(entry, form, batches)
+                    break
+                except CorruptTileError:
+                    continue
+            else:
                 unreadable += 1
         batches.flush()
         return unreadable
 
-    def _draw_leaf(self, entry: CellEntry, geometry: GeometryEntry, batches: Batches) -> None:
+    def draw_instances(self, instances: Iterable[PlacedInstance], batches: Batches) -> int:
+        """Draws instances whole; returns how many cannot be read."""
+        unreadable = 0
+        for instance in instances:
+            try:
+                mesh, base = self._mesh(instance.mesh, batches)
+            except CorruptTileError:
+                unreadable += 1
+                continue
+            transform = _moved(instance.transform, -self._eye)
+            batches.add(mesh.placed(transform, mesh.all_blocks, base, instance.first).chunk())
+        return unreadable
+
+    def _draw_leaf(self, entry: CellEntry, geometry: GeometryLevel, batches: Batches) -> None:
         key = geometry_key(entry.cell, geometry.hash)
         found = read_leaf_glb(self._read(key), key, self._texture)
         corner = self._world.grid.bounds(entry.cell)[0]
+        for placed in found.placed:
+            # All or nothing: what is missing of it would be drawn twice by a coarser form.
+            self._mesh(mesh_key(placed.mesh), batches)
         if found.mesh is not None:
             mesh = BlockedMesh.from_mesh(found.mesh)
             base = batches.add_materials(found.mesh.materials)
@@ -60,20 +92,19 @@ class NearGeometry:
 
     def _draw_instances(self, placed: PlacedMesh, cell: CellKey, corner: NDArray[np.float64], batches: Batches) -> None:
         """Each instance clipped to the leaf: the leaves that are drawn then show it whole, none twice."""
-        mesh, base = self._mesh(placed.mesh, batches)
+        mesh, base = self._mesh(mesh_key(placed.mesh), batches)
         index = (cell.x, cell.y, cell.z)
         for transform, first in zip(placed.transforms, placed.objects, strict=True):
             chunk = mesh.cell_chunk(_moved(transform, corner), self._world.grid, index, base, int(first))
             if chunk is not None:
                 batches.add(replace(chunk, positions=(chunk.positions + (corner - self._eye)).astype(np.float32)))
 
-    def _mesh(self, name: str, batches: Batches) -> tuple[BlockedMesh, int]:
+    def _mesh(self, key: str, batches: Batches) -> tuple[BlockedMesh, int]:
         """The mesh and the number of its first material."""
-        if name not in self._meshes:
-            key = mesh_key(name)
+        if key not in self._meshes:
             mesh = read_mesh_glb(self._read(key), key, self._texture)
-            self._meshes[name] = BlockedMesh.from_mesh(mesh), batches.add_materials(mesh.materials)
-        return self._meshes[name]
+            self._meshes[key] = BlockedMesh.from_mesh(mesh), batches.add_materials(mesh.materials)
+        return self._meshes[key]
 
     def _texture(self, name: str) -> Texture:
         if name not in self._textures:

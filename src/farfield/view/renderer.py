@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,12 +18,14 @@ from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
-from farfield.view.near import NearGeometry
+from farfield.view.kinds import Kinds, PlacedInstance
+from farfield.view.near import NearGeometry, is_held
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.splats import Splats
 from farfield.view.tiles import Place, TileCache, Wanted, places_of
 from farfield.world.index import CellEntry
+from farfield.world.keys import orthoview_key
 from farfield.world.world import World
 
 DEFAULT_LEAST_GAIN = 10.0
@@ -47,6 +49,8 @@ class RenderOptions:
     """Cells are taken from r * 2^(level - bias) on: 1 draws twice as coarse."""
     near_radius: float | None = None
     """Metres within which leaves are geometry; None: r, as the cut defines it."""
+    far_geometry: bool = True
+    """See `held`; False: what is farther away is drawn from pictures alone."""
     far_only: bool = False
     """Leave the near geometry out."""
     nearest_by_angle: bool = False
@@ -58,6 +62,10 @@ class RenderOptions:
     """Keep the normals."""
     ids: bool = False
     """Keep the object ids."""
+    held: Collection[str] | None = None
+    """Keys of the values that may be drawn, as by a viewer that has no others; None: all. Cells of which tiles lack are
+    drawn from the others, and from those above as far as tiles lack; cells of which geometry is held that
+    shows more are geometry, however far away."""
 
 
 def render_world(
@@ -76,9 +84,9 @@ def render_world(
     options = options or RenderOptions()
     drawing = _Drawing(world, camera, size, options, cache or TileCache(world))
     shown = drawing.tree.cut(camera, size, options)
-    drawing.draw_pictures(shown.pictures)
+    afar = drawing.draw_pictures(shown.pictures)
     if not options.far_only:
-        drawing.draw_geometry(shown.geometry)
+        drawing.draw_geometry(shown.geometry, afar)
     statistics = replace(drawing.statistics(), seconds=time.perf_counter() - begun)
     return replace(drawing.frame.develop(options.light), statistics=statistics)
 
@@ -134,6 +142,12 @@ class _Drawing:
         self._world, self._options, self._cache = world, options, cache
         self._eye = np.array(camera.eye, dtype=np.float64)
         self._frustum = Frustum.of(camera, size)
+        free = options.far_geometry and not options.far_only and options.near_radius != 0
+        self._kinds: Kinds | None = None
+        if free and options.held is not None:
+            self._kinds = Kinds(world, self._eye, camera.focal(size), options.least_gain)
+        self._instances: list[PlacedInstance] = []
+        """Of cells that are not there whole."""
         self._cells = self._orthoviews = self._splats = self._triangles = self._bytes = 0
 
     def statistics(self) -> Statistics:
@@ -142,23 +156,58 @@ class _Drawing:
             0.0, self._cells, self._orthoviews, self._splats, self._triangles, self._bytes, self.unreadable
         )
 
-    def draw_pictures(self, keys: Iterable[CellKey]) -> None:
-        """Draws cells from their orthoviews, the nearest first."""
-        wanted = [self._wanted(entry) for entry in self._seen(keys)]
+    def draw_pictures(self, keys: Iterable[CellKey]) -> list[CellEntry]:
+        """Draws cells from their orthoviews, the nearest first; returns leaves that are geometry in their place."""
+        wanted, geometry = [], []
+        for entry in self._seen(keys):
+            if leaves := self._geometry_of(entry):
+                geometry += leaves
+                continue
+            cell = self._wanted(entry)
+            held = self._held(cell)
+            if len(held.places) < len(cell.places):
+                self._place(entry, is_near=False)
+                self._stand_in(entry.cell, behind=bool(held.places))
+            if held.places or not cell.places:
+                wanted.append(held)
         for cell, layers in self._cache.cells(wanted, self._options.ids):
             if isinstance(layers, CorruptTileError):
                 self.unreadable += 1
                 self._stand_in(cell.key)
             else:
                 self._splat(cell, layers, None)
+        return geometry
 
-    def draw_geometry(self, leaves: Iterable[CellKey]) -> None:
-        """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry."""
+    def _geometry_of(self, entry: CellEntry) -> list[CellEntry]:
+        if self._kinds is None or self._options.held is None:
+            return []
+        return self._kinds.geometry_of(entry.cell, self._options.held)
+
+    def _place(self, entry: CellEntry, is_near: bool, leaves: Collection[CellKey] = ()) -> None:
+        if self._kinds is not None and self._options.held is not None:
+            self._instances += self._kinds.instances_of(entry.cell, self._options.held, is_near, leaves)
+
+    def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[CellEntry]) -> None:
+        """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry.
+
+        afar: others that have.
+        """
         entries = self._seen(leaves)
-        self.draw_pictures(entry.cell for entry in entries if entry.geometry is None)
+        afar = list(afar)
+        without = [entry for entry in entries if not self._has_geometry(entry)]
+        drawn = {e.cell for e in (*entries, *afar) if self._has_geometry(e)}
+        for entry in without:
+            self._place(entry, is_near=True)
+        for cell in drawn:
+            # What reaches out of the leaves that are drawn would be cut off there.
+            self._place(self._world.entry(cell), is_near=True, leaves=drawn)
+        self.draw_pictures(entry.cell for entry in without)
+        entries = [entry for entry in entries if self._has_geometry(entry)] + self._seen(e.cell for e in afar)
         reader = NearGeometry(self._world, self._eye)
         drawing = GeometryPass(self.frame, self._options.light)
-        self.unreadable += reader.draw(entries, Batches(drawing))
+        batches = Batches(drawing)
+        self.unreadable += reader.draw_instances(self._instances, batches)
+        self.unreadable += reader.draw(entries, batches, self._options.held)
         self._triangles += drawing.triangles
         self._bytes += reader.bytes
 
@@ -183,26 +232,53 @@ class _Drawing:
     def _wanted(self, entry: CellEntry) -> Wanted:
         return Wanted(entry.cell, chosen_tiles(self._world, entry, self._eye, self._options))
 
-    def _stand_in(self, key: CellKey) -> None:
-        """Draws the nearest ancestor that can be read, clipped to the cell's box."""
+    def _held(self, cell: Wanted) -> Wanted:
+        """Those of its tiles that may be drawn."""
+        held = self._options.held
+        if held is None:
+            return cell
+        name = self._world.entry(cell.key).hash
+        return Wanted(cell.key, tuple(place for place in cell.places if orthoview_key(cell.key, *place, name) in held))
+
+    def _has_geometry(self, entry: CellEntry) -> bool:
+        near, held = entry.geometry, self._options.held
+        return near is not None and any(is_held(entry.cell, form, held) for form in near.forms)
+
+    def _stand_in(self, key: CellKey, behind: bool = False) -> None:
+        """Draws the nearest ancestor that can be read, clipped to the cell's box; while tiles lack, those above it too.
+
+        behind: as much farther away as its pixels are apart, so that it does not hide the cell's own tiles.
+        """
         box = self._world.grid.bounds(key)
+        away = box.mean(axis=0) - self._eye
+        away /= max(float(np.linalg.norm(away)), 1e-9)
         while key.level < self._world.grid.top_level:
             key = self._world.grid.parent(key)
             try:
-                cell = self._wanted(self._world.entry(key))
+                whole = self._wanted(self._world.entry(key))
+                cell = self._held(whole)
                 layers = self._cache.layers(cell, self._options.ids)
             except (CorruptTileError, KeyError):
                 continue
-            self._splat(cell, layers, box)
-            return
+            if layers:
+                self._splat(cell, layers, box, away * self._world.grid.pitch(key.level) if behind else None)
+                if len(cell.places) == len(whole.places):
+                    return
+                behind = True
 
-    def _splat(self, cell: Wanted, layers: list[OrthoLayer], box: NDArray[np.float64] | None) -> None:
+    def _splat(
+        self,
+        cell: Wanted,
+        layers: list[OrthoLayer],
+        box: NDArray[np.float64] | None,
+        moved: NDArray[np.float64] | None = None,
+    ) -> None:
         numbers = self._world.manifest.direction_by_number
         sizes = {(d, layer): size for d, layer, size in self._world.entry(cell.key).tiles}
         for place, layer in zip(cell.places, layers, strict=True):
             direction, grid = numbers[place[0]], self._world.grid
             self._splats += self.frame.splat(
-                layer, direction, grid, cell.key.level, self._options.light, box, self._options.splats
+                layer, direction, grid, cell.key.level, self._options.light, box, self._options.splats, moved
             )
             self._bytes += sizes[place]
         self._cells += 1

@@ -19,7 +19,7 @@ from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
-from farfield.world.reach import IndexRoot, first_index_tiles, parted, textures_of
+from farfield.world.reach import IndexRoot, first_index_tiles, geometry_keys, meshes_of, parted, textures_of
 from farfield.world.split import SplitStore
 from farfield.world.targets import Target
 
@@ -78,8 +78,8 @@ class _Cell(NamedTuple):
     hash: str
     tiles: array[int]
     """Direction, layer and bytes of each tile, one after the other."""
-    geometry: tuple[str, int] | None
-    """Hash and bytes."""
+    geometry: tuple[tuple[str, int], ...]
+    """Key and bytes of each form."""
 
 
 def copy_world(source: Store, target: Target, progress: Progress | None = None) -> Copied:
@@ -150,14 +150,12 @@ class _Copy:
         return cells
 
     def _remembered(self, entry: CellEntry) -> _Cell:
-        geometry = entry.geometry
-        if geometry:
-            self._meshes.update(geometry.meshes)
+        self._meshes.update(meshes_of(entry))
         tiles = array("Q", [number for tile in entry.tiles for number in tile])
-        return _Cell(entry.cell, entry.hash, tiles, (geometry.hash, geometry.bytes) if geometry else None)
+        return _Cell(entry.cell, entry.hash, tiles, tuple(geometry_keys(entry)))
 
     def _copy_cells(self, cells: list[_Cell]) -> None:
-        self._progress.start(sum(len(cell.tiles) // 3 + (cell.geometry is not None) for cell in cells), "tiles")
+        self._progress.start(sum(len(cell.tiles) // 3 + len(cell.geometry) for cell in cells), "tiles")
         for _ in self._copy(wanted for cell in cells for wanted in _pictures_of(cell)):
             self._progress.advance()
         # The index does not tell which tiles have object ids: each is asked for, and may be missing.
@@ -222,9 +220,8 @@ def _is_remote(store: Store) -> bool:
 
 def _pictures_of(cell: _Cell) -> Iterator[_Wanted]:
     """Geometry and orthoview tiles of a cell, in the order of an archive."""
-    if cell.geometry:
-        name, size = cell.geometry
-        yield _Wanted(keys.geometry_key(cell.key, name), size)
+    for key, size in cell.geometry:
+        yield _Wanted(key, size)
     for direction, layer, size in _tiles_of(cell):
         yield _Wanted(keys.orthoview_key(cell.key, direction, layer, cell.hash), size)
 

@@ -16,7 +16,7 @@ from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
 from farfield.world.limits import DAMAGE
 from farfield.world.manifest import read_manifest
-from farfield.world.reach import first_index_tiles, parted, textures_of
+from farfield.world.reach import first_index_tiles, geometry_keys, meshes_of, parted, textures_of
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
 _OF_CELL = re.compile(rf"(orthoview|objects|geometry|index)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
@@ -39,12 +39,14 @@ class _Living:
     named: dict[str, dict[str, str]] = field(default_factory=dict)
     """Kind → cell → hash."""
     shared: set[str] = field(default_factory=set)
-    """Keys of meshes, textures, attributes and scene chunks."""
+    """Keys of geometry, meshes, textures, attributes and scene chunks."""
 
     def holds(self, key: str) -> bool:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
         if found := _OF_CELL.fullmatch(key):
             kind, cell, name = found.groups()
+            if kind == "geometry":
+                return key in self.shared
             return self.named[kind].get(cell) == name
         return key in self.shared or _SHARED.fullmatch(key) is None
 
@@ -125,8 +127,9 @@ def _living(store: Store, progress: Progress) -> _Living:
             living.named["orthoview"][entry.key] = living.named["objects"][entry.key] = entry.hash
             if entry.geometry:
                 living.named["geometry"][entry.key] = entry.geometry.hash
-                _add_shared(store, living, keys.geometry_key(entry.cell, entry.geometry.hash))
-                for mesh, _ in entry.geometry.meshes:
+                for geometry, _ in geometry_keys(entry):
+                    _add_shared(store, living, geometry)
+                for mesh in meshes_of(entry):
                     _add_shared(store, living, keys.mesh_key(mesh))
             progress.advance()
     progress.finish()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import struct
-import zlib
 from collections.abc import Iterable
 from typing import Annotated
 
@@ -13,14 +11,22 @@ import msgspec
 from msgspec import Meta
 
 from farfield.errors import CorruptTileError, OptionError
-from farfield.inflate import inflate
 from farfield.octree.grid import CellKey
-from farfield.world.limits import DAMAGE, Count, DirectionNumber, Hash, HashOrNone, LayerNumber, PickNumber, is_box
+from farfield.packed import pack, unpack
+from farfield.world.limits import (
+    DAMAGE,
+    Count,
+    DirectionNumber,
+    Hash,
+    HashOrNone,
+    LayerNumber,
+    Metres,
+    PickNumber,
+    is_box,
+)
 from farfield.world.limits import Bounds as Bounds
 
-_HEADER = struct.Struct("<4sHHII")
 _MAGIC = b"FFIX"
-_VERSION = 1
 MAXIMUM_BYTES = 64 << 20
 """An index tile never unpacks to more than this."""
 MOST_GAIN = 65536.0
@@ -32,8 +38,23 @@ WORST_STEPS = 255
 _HINT = "run farfield verify"
 
 
-class GeometryEntry(msgspec.Struct, frozen=True):
-    """Near geometry of a leaf."""
+ERROR_SPACING = 4.0
+"""Errors of levels are told for views from where a pixel is as wide as one of a leaf's pictures, from where it is this
+many times as narrow, and again."""
+FARTHEST = 2.0
+"""Pixels of a cell's pictures for one of the screen, in the first view that their errors are told for."""
+MESH_FARTHEST = 4.0
+"""Pixels of a leaf's pictures for one of the screen, in the first view that errors of shared meshes are told for."""
+Error = Annotated[int, Meta(ge=0, le=255)]
+MOST_INSTANCES = 16
+"""Instances that a leaf lists: where there are more, they are known from its geometry alone."""
+
+
+Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
+
+
+class GeometryLevel(msgspec.Struct, frozen=True):
+    """A form of a leaf's geometry, which shows it without any of the others."""
 
     hash: Hash
     bytes: Count
@@ -41,6 +62,52 @@ class GeometryEntry(msgspec.Struct, frozen=True):
     instances: Count = 0
     meshes: tuple[tuple[Hash, Count], ...] = ()
     """Hash and bytes of each mesh its instances need."""
+    textures: tuple[tuple[Hash, Count], ...] = ()
+    """Hash and bytes of each image that it and those meshes need."""
+    errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """How unlike the full geometry it looks, 255 = as nothing, see ERROR_SPACING; none: it is the full geometry."""
+    drawn: Count = 0
+    """Triangles with those of its instances, which are drawn whole; 0: older worlds do not tell."""
+
+
+class GeometryEntry(GeometryLevel, frozen=True):
+    """Near geometry of a leaf."""
+
+    levels: Annotated[tuple[GeometryLevel, ...], Meta(max_length=16)] = ()
+    """The same with fewer triangles and smaller images, from fine to coarse."""
+
+    @property
+    def forms(self) -> tuple[GeometryLevel, ...]:
+        """From fine to coarse."""
+        return (self, *self.levels)
+
+
+class MeshLevel(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A shared mesh in one of its forms."""
+
+    hash: Hash
+    bytes: Count
+    triangles: Count
+    textures: tuple[tuple[Hash, Count], ...] = ()
+    """Hash and bytes of each image that it needs."""
+    errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """How unlike the full mesh it looks, 255 = as nothing, from where a pixel is MESH_FARTHEST times as wide as one of
+    the leaf's pictures, ERROR_SPACING times as narrow, and again; none: it is the full one."""
+
+
+class InstancedMesh(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Instances of a shared mesh that have their place in a leaf, each in one alone."""
+
+    bounds: Bounds
+    """Of the mesh, in its own frame."""
+    levels: Annotated[tuple[MeshLevel, ...], Meta(min_length=1, max_length=16)]
+    """From fine to coarse, the full mesh first."""
+    objects: Annotated[tuple[Count, ...], Meta(max_length=MOST_INSTANCES)]
+    """For each instance the object id of the mesh's object 0."""
+    transforms: Annotated[
+        tuple[Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)], ...], Meta(max_length=MOST_INSTANCES)
+    ]
+    """For each instance three rows of four, from the mesh's frame to that of the leaf's lower corner."""
 
 
 class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -61,7 +128,15 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
     index: HashOrNone = ""
     geometry: GeometryEntry | None = None
+    instances: Annotated[tuple[InstancedMesh, ...], Meta(max_length=MOST_INSTANCES)] = ()
+    """Of a leaf: what is placed in it, so that viewers can draw it before, and without, the leaf's geometry."""
     output: HashOrNone = ""
+    errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """How unlike the full geometry the pictures look, 255 = as nothing, from where a pixel is twice as wide as one of
+    theirs, ERROR_SPACING times as narrow, and again; none: older worlds do not tell."""
+    losses: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """For each of `children` how unlike its own pictures these look in their place, from where a pixel is as wide as
+    one of theirs; none: older worlds do not tell."""
 
     def picks_from(self, view_bin: int) -> list[tuple[int, float]]:
         """(place in `tiles`, gain) of each tile picked for a view bin, best first.
@@ -99,10 +174,7 @@ def write_picks(picks: Iterable[tuple[int, float]]) -> tuple[int, ...]:
 
 def encode_index(tile: IndexTile) -> bytes:
     """Header, then deflated JSON; the same input gives the same bytes."""
-    text = msgspec.json.encode(tile)
-    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
-    body = packer.compress(text) + packer.flush()
-    return _HEADER.pack(_MAGIC, _VERSION, 0, len(text), zlib.crc32(text)) + body
+    return pack(_MAGIC, msgspec.json.encode(tile))
 
 
 def decode_index(data: bytes, where: str) -> IndexTile:
@@ -111,27 +183,11 @@ def decode_index(data: bytes, where: str) -> IndexTile:
     Allocates at most 16 bytes for each byte of JSON that the header declares, which is at most MAXIMUM_BYTES.
     """
     try:
-        tile = msgspec.json.decode(_text_of(data, where), type=IndexTile)
+        tile = msgspec.json.decode(unpack(data, _MAGIC, MAXIMUM_BYTES, "an index tile", where), type=IndexTile)
         _check_cells(tile, where)
     except (*DAMAGE, OptionError) as error:
         raise CorruptTileError(f"index tile is damaged: {error}", where, _HINT) from None
     return tile
-
-
-def _text_of(data: bytes, where: str) -> bytes:
-    """The JSON. Raises CorruptTileError."""
-    if len(data) < _HEADER.size:
-        raise CorruptTileError("index tile is cut short", where, _HINT)
-    magic, version, reserved, length, checksum = _HEADER.unpack_from(data)
-    if magic != _MAGIC or version != _VERSION or reserved or length > MAXIMUM_BYTES:
-        raise CorruptTileError("not an index tile of a known version", where, _HINT)
-    try:
-        text = inflate(data[_HEADER.size :], length)
-    except zlib.error as error:
-        raise CorruptTileError(f"index tile is damaged: {error}", where, _HINT) from None
-    if zlib.crc32(text) != checksum:
-        raise CorruptTileError("index tile is damaged", where, _HINT)
-    return text
 
 
 def _check_cells(tile: IndexTile, where: str) -> None:
@@ -150,6 +206,8 @@ def _check_cells(tile: IndexTile, where: str) -> None:
             and len(set(children)) == len(children)
             and all(_may_be_below(child, entry.cell) for child in children)
             and all(_are_picks(picks, len(entry.tiles)) for picks in entry.picks)
+            and len(entry.losses) in (0, len(entry.children))
+            and all(_are_instances(one) for one in entry.instances)
             and (entry.index or names.issuperset(entry.children))
         )
         if not sane:
@@ -161,6 +219,11 @@ def _are_picks(picks: tuple[int, ...], tiles: int) -> bool:
     places, steps = picks[::2], picks[1::2]
     each_once = len(set(places)) == len(places) == len(steps)
     return each_once and all(place < tiles for place in places) and all(step <= WORST_STEPS for step in steps)
+
+
+def _are_instances(listed: InstancedMesh) -> bool:
+    """Whether each has a place, and the mesh a size."""
+    return len(listed.objects) == len(listed.transforms) and is_box(listed.bounds)
 
 
 def _may_be_below(child: CellKey, cell: CellKey) -> bool:

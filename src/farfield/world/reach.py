@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.read import texture_hashes
+from farfield.represent.geometry.write import MAGIC
 from farfield.world import keys
-from farfield.world.index import CellEntry, IndexTile
+from farfield.world.index import CellEntry, GeometryLevel, IndexTile, MeshLevel
 from farfield.world.manifest import Manifest
 
 IndexRoot = tuple[CellKey, str]
@@ -35,4 +36,34 @@ def object_keys(entry: CellEntry) -> list[str]:
 
 def textures_of(data: bytes, where: str) -> tuple[str, ...]:
     """Hashes of the images that a GLB refers to; none for anything else. Raises CorruptTileError: a damaged GLB."""
-    return texture_hashes(data, where) if data.startswith(b"glTF") else ()
+    return texture_hashes(data, where) if data.startswith((b"glTF", MAGIC)) else ()
+
+
+def geometry_keys(entry: CellEntry) -> list[tuple[str, int]]:
+    """Key and bytes of all forms of a leaf's near geometry, the meshes they place apart."""
+    forms = entry.geometry.forms if entry.geometry else ()
+    return [(keys.geometry_key(entry.cell, form.hash), form.bytes) for form in forms]
+
+
+def form_values(cell: CellKey, form: GeometryLevel) -> list[tuple[str, int]]:
+    """Key and bytes of all that a form of a leaf's geometry is drawn from; what refers to others comes after them."""
+    return [
+        *((keys.texture_key(name), size) for name, size in form.textures),
+        *((keys.mesh_key(name), size) for name, size in form.meshes),
+        (keys.geometry_key(cell, form.hash), form.bytes),
+    ]
+
+
+def level_values(level: MeshLevel) -> list[tuple[str, int]]:
+    """Key and bytes of all that a form of a shared mesh is drawn from; what refers to others comes after them."""
+    return [
+        *((keys.texture_key(name), size) for name, size in level.textures),
+        (keys.mesh_key(level.hash), level.bytes),
+    ]
+
+
+def meshes_of(entry: CellEntry) -> dict[str, int]:
+    """Hash and bytes of the meshes that a leaf places: by all forms of its near geometry, and in the index."""
+    placed = (mesh for form in (entry.geometry.forms if entry.geometry else ()) for mesh in form.meshes)
+    listed = ((level.hash, level.bytes) for mesh in entry.instances for level in mesh.levels)
+    return dict((*placed, *listed))

@@ -16,8 +16,16 @@ from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.chunks import SCENE, named_chunks, read_scene_values
-from farfield.world.index import CellEntry, GeometryEntry, decode_index
-from farfield.world.reach import first_index_tiles, object_keys, parted, textures_of, tile_keys
+from farfield.world.index import CellEntry, decode_index
+from farfield.world.reach import (
+    first_index_tiles,
+    geometry_keys,
+    meshes_of,
+    object_keys,
+    parted,
+    textures_of,
+    tile_keys,
+)
 from farfield.world.world import World
 
 
@@ -66,8 +74,7 @@ def verify_world(world: World, progress: Progress | None = None) -> Verification
         for report in pool.map(lambda entry: _check_cell(store, entry), entries):
             reports.append(report)
             progress.advance()
-        leaves = [entry.geometry for entry in entries if entry.geometry]
-        reports += pool.map(lambda key: _check_hashed(store, key), _meshes_of(leaves))
+        reports += pool.map(lambda key: _check_hashed(store, key), _meshes_of(entries))
         textures = dict.fromkeys(name for report in reports for name in report.textures)
         others = [keys.texture_key(name) for name in textures]
         if world.manifest.attributes:
@@ -132,9 +139,7 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
 
 def _check_cell(store: Store, entry: CellEntry) -> _Report:
     parts = [_check_tiles(store, entry)] if entry.tiles else []
-    if entry.geometry:
-        key = keys.geometry_key(entry.cell, entry.geometry.hash)
-        parts.append(_check_hashed(store, key, entry.geometry.bytes))
+    parts += [_check_hashed(store, key, size) for key, size in geometry_keys(entry)]
     return _sum(parts)
 
 
@@ -187,8 +192,8 @@ def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:
     return _Report(1, len(data), (), textures)
 
 
-def _meshes_of(leaves: Iterable[GeometryEntry]) -> list[str]:
-    return [keys.mesh_key(name) for name in dict.fromkeys(name for leaf in leaves for name, _ in leaf.meshes)]
+def _meshes_of(entries: Iterable[CellEntry]) -> list[str]:
+    return [keys.mesh_key(name) for name in dict.fromkeys(name for entry in entries for name in meshes_of(entry))]
 
 
 def _sum(parts: list[_Report]) -> _Report:

@@ -56,10 +56,11 @@ export class Application {
     address: URL,
     context: WebGL2RenderingContext,
     private readonly elements: PageElements,
+    options: OptionChanges = {},
   ) {
     const { canvas } = elements;
     this.renderer = new WebGLRenderer({ canvas, context });
-    this.world = new FarfieldWorld(address);
+    this.world = new FarfieldWorld(address, options);
     this.scene.add(this.world);
     this.timer = new FrameTimer(context);
     this.controls = new Controls(this.camera, canvas, () => this.world.clearance);

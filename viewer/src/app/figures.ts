@@ -26,6 +26,7 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
     "Cells by level": levels.map(([level, n]) => `${level}: ${n}`).join("  ") || "–",
     "Leaves as geometry": count(stats.geometry_cells),
     Received: size(stats.bytes),
+    "by a session": stats.session || stats.pushed_bytes > 0 ? `${size(stats.pushed_bytes)}${stats.session ? "" : ", ended"}` : "–",
     "Now receiving": `${size(rate)}/s`,
     "Cache used": `${size(stats.cache_bytes)} of ${size(stats.cache_budget)}`,
     Loading: stats.tiles_pending > 0 ? `${stats.tiles_pending} tiles` : "–",

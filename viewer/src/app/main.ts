@@ -1,4 +1,4 @@
-/** The page. The world's address is `?world=…`; without it, the world beside the page. */
+/** The page. The world's address is `?world=…`; without it, the world beside the page. With `?sessions=0` no server decides what to send. */
 import "./style.css";
 import { FarfieldError } from "../core/errors.js";
 import { pageOf } from "./api.js";
@@ -20,9 +20,10 @@ const elements: PageElements = {
 };
 
 const context = elements.canvas.getContext("webgl2", { antialias: false, alpha: false, powerPreference: "high-performance" });
-const address = new URL(new URLSearchParams(location.search).get("world") ?? "./", location.href);
+const query = new URLSearchParams(location.search);
+const address = new URL(query.get("world") ?? "./", location.href);
 if (context) {
-  window.farfield = pageOf(new Application(address, context, elements));
+  window.farfield = pageOf(new Application(address, context, elements, { sessions: query.get("sessions") !== "0" }));
 } else {
   const hint = "Try a current Firefox, Chrome, Edge or Safari, and switch hardware acceleration on.";
   const messages = new Messages(elements.message, elements.banner, () => undefined);

@@ -16,6 +16,10 @@ export class Cache {
     return this.entries.size;
   }
 
+  get resources(): Iterable<Resource> {
+    return this.entries;
+  }
+
   has(key: string): boolean {
     for (const resource of this.entries) if (resource.key === key) return true;
     return false;

@@ -1,8 +1,10 @@
 import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
-import type { CellEntry, GeometryEntry } from "./indextile.js";
+import type { CellEntry, GeometryLevel, MeshLevel } from "./indextile.js";
+import { meshForm, placedMesh, type MeshForm, type PlacedMesh } from "./instances.js";
 import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
+import { toldBy, UNTOLD_LOSS } from "./stream/accuracy.js";
 import { grown, type Box } from "./vector.js";
 import type { Pick } from "./views.js";
 
@@ -18,11 +20,18 @@ export interface CellView {
   readonly layers: readonly Resource[];
 }
 
-/** What a leaf needs to be drawn as geometry. */
+/** What a leaf needs to be drawn as geometry, at a level. */
 export interface CellGeometry {
-  readonly entry: GeometryEntry;
+  readonly entry: GeometryLevel;
+  /** 0 = full, the larger the coarser. */
+  readonly level: number;
   readonly leaf: Resource;
   readonly meshes: readonly Resource[];
+}
+
+/** Whether all of it is there. */
+export function isHeld({ leaf, meshes }: CellGeometry): boolean {
+  return leaf.held && meshes.every((mesh) => mesh.held);
 }
 
 /** The resource of a key: that of the generation before, where there is one. */
@@ -41,6 +50,10 @@ export class Cell {
   /** The bounds with room for the splats on their border. */
   reach: Box;
   views: ReadonlyMap<number, CellView> = new Map();
+  /** How unlike the full geometry its pictures look, 0 to 1 (CellEntry.errors). */
+  told: readonly number[] = toldBy(undefined);
+  /** How unlike its own pictures those of its parent look in their place. */
+  loss = UNTOLD_LOSS;
   /** For each view bin the directions to draw, best first. */
   bins: readonly (readonly number[])[] = [];
   /** For each view bin the tiles to draw, best first. */
@@ -49,7 +62,10 @@ export class Cell {
   shown: readonly Resource[] = [];
   /** Whether it has been complete. */
   wasWhole = false;
-  geometry: CellGeometry | null = null;
+  /** Its geometry in all forms, from fine to coarse. */
+  forms: readonly CellGeometry[] = [];
+  /** What is placed in it, of a leaf whose index tells. */
+  instances: readonly PlacedMesh[] = [];
   /** Cells below that hold something, ascending; null until the index is known that far down. */
   children: readonly Cell[] | null = null;
   /** Hash of the index tile that tells of the cells below; empty when this one's does. */
@@ -80,6 +96,11 @@ export class Cell {
   /** Whether the index of what lies at or below this cell is still to be read. */
   get unread(): boolean {
     return this.indexHash !== "" && this.children === null;
+  }
+
+  /** Its full geometry. */
+  get geometry(): CellGeometry | null {
+    return this.forms[0] ?? null;
   }
 
   /** The root it lies below, or is. */
@@ -117,6 +138,8 @@ export class Cell {
       if (!this.grid.isChild(key, this.key)) throw corrupt(`cell ${name} is not below ${this.name}`, where);
       const before = this.before?.children?.find((cell) => cell.name === name) ?? null;
       const child = new Cell(key, this, this.grid, before);
+      const loss = entry.losses?.[entry.children!.indexOf(name)];
+      if (loss !== undefined) child.loss = loss / 255;
       child.read(entries, shared, where);
       return child;
     });
@@ -127,6 +150,7 @@ export class Cell {
   private describe(entry: CellEntry, shared: SharedMeshes): void {
     this.bounds = { lower: entry.bounds[0], upper: entry.bounds[1] };
     this.reach = grown(this.bounds, SPLAT_REACH * entry.error);
+    this.told = toldBy(entry.errors);
     this.bins = entry.views ?? [];
     const before = new Map(this.before?.resources.map((resource) => [resource.key, resource]));
     const take: Take = (key, kind, size) => {
@@ -145,6 +169,7 @@ export class Cell {
     this.shown = this.before?.shown.filter(({ cell }) => cell === this) ?? [];
     this.wasWhole = this.before?.wasWhole === true && this.shown.length > 0 && this.shown.length === this.before.shown.length;
     this.describeGeometry(entry, shared, take);
+    this.describeInstances(entry, shared);
     for (const resource of before.values()) resource.gone = resource.cell !== this;
   }
 
@@ -161,21 +186,34 @@ export class Cell {
 
   private describeGeometry({ geometry: near }: CellEntry, shared: SharedMeshes, take: Take): void {
     if (!near) return;
-    const leaf = take(geometryKey(this.name, near.hash), "geometry", near.bytes);
-    this.geometry = { entry: near, leaf, meshes: near.meshes.map(([hash, bytes]) => shared.get(hash, bytes)) };
+    this.forms = [near, ...(near.levels ?? [])].map((entry, level) => {
+      const leaf = take(geometryKey(this.name, entry.hash), "geometry", entry.bytes);
+      return { entry, level, leaf, meshes: entry.meshes.map(([hash, bytes]) => shared.get(hash, bytes)) };
+    });
+  }
+
+  private describeInstances({ instances = [] }: CellEntry, shared: SharedMeshes): void {
+    if (this.level > 0) return;
+    const placed = instances.filter(({ objects }) => objects.length > 0);
+    this.instances = placed.map((listed) => placedMesh(listed, this.box.lower, shared.forms(listed.levels)));
+  }
+
+  /** What belongs to this cell alone, by its key. */
+  find(key: string): Resource | null {
+    return this.resources.find((resource) => resource.key === key) ?? null;
   }
 
   /** What belongs to this cell alone. */
   private get resources(): Resource[] {
     const tiles = [...this.views.values()].flatMap(({ layers }) => layers.filter(Boolean));
-    return this.geometry ? [...tiles, this.geometry.leaf] : tiles;
+    return [...tiles, ...this.forms.map(({ leaf }) => leaf)];
   }
 
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
     if (this.views.size === 0) {
-      const { bounds, reach, views, bins, picks, shown, wasWhole, geometry } = before;
-      Object.assign(this, { bounds, reach, views, bins, picks, shown, wasWhole, geometry });
+      const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances } = before;
+      Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances });
       for (const resource of before.resources) resource.moveTo(this);
     }
     this.readHash = before.readHash;
@@ -192,10 +230,31 @@ export class Cell {
 /** The meshes that instances of several leaves share, one resource each. */
 export class SharedMeshes {
   private readonly known = new Map<string, Resource>();
+  /** Of meshes that are placed by themselves, by the hashes of all forms. */
+  private readonly inForms = new Map<string, readonly MeshForm[]>();
+
+  find(key: string): Resource | null {
+    return this.known.get(key) ?? null;
+  }
 
   get(hash: string, bytes: number): Resource {
-    const found = this.known.get(hash) ?? new Resource(meshKey(hash), "mesh", bytes, null);
-    this.known.set(hash, found);
+    const key = meshKey(hash);
+    const found = this.known.get(key) ?? new Resource(key, "mesh", bytes, null);
+    this.known.set(key, found);
+    return found;
+  }
+
+  /** A mesh in all its forms, the same list for all leaves that it is placed in. */
+  forms(levels: readonly MeshLevel[]): readonly MeshForm[] {
+    const name = levels.map(({ hash }) => hash).join();
+    const found = this.inForms.get(name) ?? levels.map((entry, level) => meshForm(entry, level, this.withImages(entry)));
+    this.inForms.set(name, found);
+    return found;
+  }
+
+  private withImages({ hash, bytes, textures }: MeshLevel): Resource {
+    const found = this.get(hash, bytes);
+    if (textures?.length && found.images.size === 0) found.images = new Map(textures);
     return found;
   }
 }

@@ -13,6 +13,7 @@ export class Fetcher implements Source {
   /** Address of the batch request, when the server offers one. */
   private batch: string | null = null;
   events: URL | null = null;
+  stream: URL | null = null;
   tag: string | null = null;
   private readonly http = new Http();
   private readonly knocker = new Http(KNOCK_MS);
@@ -68,8 +69,14 @@ export class Fetcher implements Source {
 
   private learn(headers: Headers): void {
     this.batch = offered(headers, "Farfield-Batch");
-    const events = offered(headers, "Farfield-Events");
-    this.events = events === null ? null : new URL(events, this.base);
+    this.events = this.addressOf(offered(headers, "Farfield-Events"));
+    this.stream = this.addressOf(offered(headers, "Farfield-Stream"));
+    // http becomes ws, https wss.
+    if (this.stream) this.stream.protocol = this.stream.protocol.replace("http", "ws");
+  }
+
+  private addressOf(path: string | null): URL | null {
+    return path === null ? null : new URL(path, this.base);
   }
 
   private getOrNull(key: string, signal: AbortSignal): Promise<Uint8Array | null> {

@@ -1,26 +1,70 @@
-import { crc32 } from "./crc32.js";
 import { corrupt } from "./errors.js";
 import { parseKey } from "./grid.js";
-import { inflate } from "./inflate.js";
 import { isBounds, isCount, isHash, isList, isMetres, isObject, type Json } from "./limits.js";
+import { unpack } from "./packed.js";
 import type { Vector3 } from "./vector.js";
 
-const HEADER_BYTES = 16;
-const MAGIC = 0x58494646; // "FFIX"
-/** Version 1, and a reserved zero. */
-const VERSION = 1;
-const MAXIMUM_BYTES = 64 << 20;
+/** "FFIX". */
+const PACKED = { magic: 0x58494646, largest: 64 << 20, name: "an index tile" };
 /** From the gain of one picked tile to the next. */
 const WORST_STEPS = 255;
+/** Meshes of which a leaf lists instances, and of each as many; forms of a mesh. */
+const MOST_INSTANCES = 16;
+const MOST_LEVELS = 16;
 
-/** Near geometry of a leaf. */
-export interface GeometryEntry {
+/** Errors of levels are told for views from where a pixel is as wide as one of a leaf's pictures, then so many times as narrow. */
+export const ERROR_SPACING = 4;
+/** Pixels of a cell's pictures for one of the screen, in the first view that their errors are told for. */
+export const FARTHEST = 2;
+/** Pixels of a leaf's pictures for one of the screen, in the first view that errors of shared meshes are told for. */
+export const MESH_FARTHEST = 4;
+
+/** A form of a leaf's geometry, which shows it without any of the others. */
+export interface GeometryLevel {
   readonly hash: string;
   readonly bytes: number;
   readonly triangles: number;
   readonly instances: number;
   /** Hash and bytes of each mesh its instances need. */
   readonly meshes: readonly (readonly [string, number])[];
+  /** Hash and bytes of each image that it and those meshes need. */
+  readonly textures?: readonly (readonly [string, number])[];
+  /** How unlike the full geometry it looks, 255 = as nothing, see ERROR_SPACING. */
+  readonly errors?: readonly number[];
+  /** Triangles with those of its instances; 0 or left out: older worlds do not tell. */
+  readonly drawn?: number;
+}
+
+/** Near geometry of a leaf. */
+export interface GeometryEntry extends GeometryLevel {
+  /** The same with fewer triangles and smaller images, from fine to coarse. */
+  readonly levels?: readonly GeometryLevel[];
+}
+
+/** A shared mesh in one of its forms, which shows all of it. */
+export interface MeshLevel {
+  readonly hash: string;
+  readonly bytes: number;
+  readonly triangles: number;
+  /** Hash and bytes of each image that it needs. */
+  readonly textures?: readonly (readonly [string, number])[];
+  /**
+   * How unlike the full mesh it looks, 255 = as nothing, from where a pixel is MESH_FARTHEST times as wide as one of the leaf's
+   * pictures, then ERROR_SPACING times as narrow, and again; left out: it is the full one.
+   */
+  readonly errors?: readonly number[];
+}
+
+/** Instances of a shared mesh that have their place in a leaf, each in one alone. */
+export interface InstancedMesh {
+  /** Of the mesh, in its own frame. */
+  readonly bounds: readonly [Vector3, Vector3];
+  /** From fine to coarse, the full mesh first. */
+  readonly levels: readonly MeshLevel[];
+  /** For each instance the object id of the mesh's object 0. */
+  readonly objects: readonly number[];
+  /** For each instance three rows of four, from the mesh's frame to that of the leaf's lower corner. */
+  readonly transforms: readonly (readonly number[])[];
 }
 
 /** One cell of the index, as it is written; members equal to their default may be left out. */
@@ -38,6 +82,12 @@ export interface CellEntry {
   readonly children?: readonly string[];
   readonly index?: string;
   readonly geometry?: GeometryEntry | null;
+  /** Of a leaf: what is placed in it, so that it can be drawn before, and without, the leaf's geometry. */
+  readonly instances?: readonly InstancedMesh[];
+  /** How unlike the full geometry its pictures look, 255 = as nothing, see ERROR_SPACING. */
+  readonly errors?: readonly number[];
+  /** For each of `children` how unlike its own pictures these look in their place, 255 = as nothing. */
+  readonly losses?: readonly number[];
 }
 
 /**
@@ -45,7 +95,7 @@ export interface CellEntry {
  * `inflate` takes. Throws `corrupt` for anything else.
  */
 export function decodeIndexTile(bytes: Uint8Array, where: string): readonly CellEntry[] {
-  const { root, cells } = parse(textOf(bytes, where), where);
+  const { root, cells } = parse(new TextDecoder().decode(unpack(bytes, PACKED, where)), where);
   if (!Array.isArray(cells) || cells.length === 0) throw corrupt("index tile without cells", where);
   for (const cell of cells) checkCell(cell, where);
   const names = new Set((cells as CellEntry[]).map(({ key }) => key));
@@ -56,19 +106,6 @@ export function decodeIndexTile(bytes: Uint8Array, where: string): readonly Cell
     if (!index && children?.some((child) => !names.has(child))) throw corrupt(`index tile without the cells below ${key}`, where);
   }
   return cells as CellEntry[];
-}
-
-/** The JSON. Throws `corrupt`. */
-function textOf(bytes: Uint8Array, where: string): string {
-  if (bytes.length < HEADER_BYTES) throw corrupt("index tile is cut short", where);
-  const header = new DataView(bytes.buffer, bytes.byteOffset, HEADER_BYTES);
-  const length = header.getUint32(8, true);
-  if (header.getUint32(0, true) !== MAGIC || header.getUint32(4, true) !== VERSION || length > MAXIMUM_BYTES) {
-    throw corrupt("not an index tile of a known version", where);
-  }
-  const text = inflate(bytes.subarray(HEADER_BYTES), length, where);
-  if (crc32(text) !== header.getUint32(12, true)) throw corrupt("index tile is damaged", where);
-  return new TextDecoder().decode(text);
 }
 
 function parse(text: string, where: string): Json {
@@ -84,11 +121,13 @@ function parse(text: string, where: string): Json {
 /** Throws `corrupt` unless every member is of its type and within its limits: what draws a frame does not look again. */
 function checkCell(cell: unknown, where: string): void {
   if (!isObject(cell) || typeof cell["key"] !== "string") throw corrupt("index tile tells of no cell", where);
-  const { key, bounds, error, hash = "", tiles = [], views = [], picks = [], children = [], index = "", geometry = null } = cell;
+  const { key, bounds, error, hash = "", tiles = [], views = [], picks = [], children = [], index = "", geometry = null, instances = [], errors = [], losses = [] } = cell;
   const { level } = parseKey(key as string);
   const sane =
-    isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) &&
+    isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) && isList(errors, isError, 8) &&
+    isList(losses, isError, 8) && (losses.length === 0 || losses.length === (children as readonly string[]).length) &&
     isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) &&
+    isList(instances, isInstanced, MOST_INSTANCES) &&
     isList(picks, (bin) => arePicks(bin, tiles.length), 26) && isList(children, isString, 8) && new Set(children).size === children.length &&
     children.every((child) => parseKey(child).level === level - 1);
   if (!sane) throw corrupt(`index tile tells what cannot be of cell ${String(key)}`, where);
@@ -131,7 +170,38 @@ function isMesh(value: unknown): value is readonly [string, number] {
 }
 
 function isGeometry(value: unknown): boolean {
+  return isLevel(value) && isList((value as Json)["levels"] ?? [], isLevel, MOST_LEVELS);
+}
+
+function isLevel(value: unknown): value is Json {
   if (!isObject(value)) return false;
-  const { hash, bytes, triangles = 0, instances = 0, meshes = [] } = value;
-  return isHash(hash) && [bytes, triangles, instances].every((count) => isCount(count)) && isList(meshes, isMesh);
+  const { hash, bytes, triangles = 0, instances = 0, meshes = [], textures = [], errors = [], drawn = 0 } = value;
+  const counted = [bytes, triangles, instances, drawn].every((count) => isCount(count));
+  return isHash(hash) && counted && isList(meshes, isMesh) && isList(textures, isMesh) && isList(errors, isError, 8);
+}
+
+/** Whether each has a place, and the mesh a size and a form. */
+function isInstanced(value: unknown): value is InstancedMesh {
+  if (!isObject(value)) return false;
+  const { bounds, levels, objects, transforms } = value;
+  const placed = isList(objects, isObjectId, MOST_INSTANCES) && isList(transforms, isTransform, MOST_INSTANCES) && objects.length === transforms.length;
+  return placed && isBounds(bounds) && isList(levels, isMeshLevel, MOST_LEVELS) && levels.length > 0;
+}
+
+function isMeshLevel(value: unknown): value is MeshLevel {
+  if (!isObject(value)) return false;
+  const { hash, bytes, triangles, textures = [], errors = [] } = value;
+  return isHash(hash) && isCount(bytes) && isCount(triangles) && isList(textures, isMesh) && isList(errors, isError, 8);
+}
+
+function isObjectId(value: unknown): value is number {
+  return isCount(value);
+}
+
+function isTransform(value: unknown): value is readonly number[] {
+  return isList(value, isMetres, 12) && value.length === 12;
+}
+
+function isError(value: unknown): value is number {
+  return isCount(value, 255);
 }

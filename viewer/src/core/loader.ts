@@ -22,12 +22,24 @@ export interface Prepared {
 export interface Preparer {
   prepare(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared>;
   dispose(resource: Resource, payload: unknown): void;
+  /** A value that the picture needs has been asked for, and so will be what it refers to. */
+  expects?(resource: Resource): void;
+}
+
+/** What sees to values in the loader's place while it can (core/push). */
+export interface Push {
+  /** Whether what the picture needs, or what it does not need now, is left to it. */
+  covers(ahead: boolean): boolean;
+  /** The loader asks for these itself. */
+  asks(resources: readonly Resource[]): void;
 }
 
 export interface LoaderEvents {
   readonly bad: (resource: Resource, error: FarfieldError) => void;
   /** Something came in: it is time for another frame. */
   readonly arrived: () => void;
+  /** A mesh came that no plan had a use for: the next one may have, to let it stand in. */
+  readonly unforeseen?: () => void;
 }
 
 /** To one server at once: as many as browsers open connections to it. */
@@ -86,6 +98,10 @@ export class Loader {
   readonly stock: Stock;
   /** How fast values come. */
   readonly link = new Link();
+  /** Null: everything is asked for. */
+  push: Push | null = null;
+  /** Whether the index of what is in the picture is still on its way: nobody knows yet what adds most, so little is asked for beside it. */
+  isLearning = false;
   private wants: readonly Want[] = [];
   private urgencies: ReadonlyMap<Resource, number> = new Map();
   /** What the picture needs, and what it does not need now, by server. */
@@ -183,6 +199,40 @@ export class Loader {
     return useful;
   }
 
+  /** What is held or on its way. */
+  *holding(): Iterable<Resource> {
+    yield* this.cache.resources;
+    yield* this.stock.resources;
+    yield* this.loading.keys();
+  }
+
+  /** Whether there is room for what is not there. */
+  hasRoom({ resource, urgency }: Want): boolean {
+    return isNeeded(urgency) ? this.fits(resource, false) : this.fitsStock(resource);
+  }
+
+  /** So many bytes of a value come without having been asked for; false: it is there, or has been asked for. */
+  awaits(resource: Resource, bytes: number): boolean {
+    if (resource.state !== "absent") return false;
+    resource.state = "loading";
+    this.loading.set(resource, this.closing);
+    this.link.sent(performance.now() / 1000, bytes);
+    return true;
+  }
+
+  /** It has come; null: it cannot, and is asked for to learn why. */
+  deliver(resource: Resource, value: Uint8Array | null): void {
+    if (!value) return void this.requestAnew(resource);
+    this.loading.delete(resource);
+    const alone = this.waiting === 0 && !this.isNeededFrom(null);
+    if (isNeeded(this.urgencyOf(resource)) && this.fits(resource, alone)) {
+      this.loading.set(resource, this.closing);
+      void this.prepare(resource, value, this.closing.signal);
+    } else this.putAside(resource, value);
+    if (resource.kind === "mesh" && !this.urgencies.has(resource)) this.events.unforeseen?.();
+    this.pump();
+  }
+
   /** Gives everything up. */
   clear(): void {
     for (const controller of this.requests.keys()) controller.abort();
@@ -203,14 +253,27 @@ export class Loader {
     for (const resource of this.ready.keys()) if (isNeeded(this.urgencyOf(resource))) this.waiting++;
     this.decodeStocked();
     const values = UNDER_WAY / length;
-    for (const [server, wants] of this.queues) this.ask(server, wants, { ahead: false, requests, values });
-    for (const [server, wants] of this.queuesAhead) this.ask(server, wants, { ahead: true, requests, values });
+    for (const ahead of [false, true]) {
+      if (this.push?.covers(ahead)) continue;
+      for (const [server, wants] of ahead ? this.queuesAhead : this.queues) {
+        // Requests ahead are smaller, so there may be room for one of them sooner: the link would be theirs.
+        if (!ahead || !this.isWaitedFor(server)) this.ask(server, wants, { ahead, requests, values });
+      }
+    }
+  }
+
+  /** Whether the picture needs something of a server that could be asked for and has not been yet. */
+  private isWaitedFor(server: Server): boolean {
+    if (this.push?.covers(false)) return false;
+    const could = ({ resource }: Want): boolean =>
+      resource.state === "absent" && !isLarge(resource) && this.servers.mayAsk(resource) && this.fits(resource, false);
+    return (this.queues.get(server) ?? []).some(could);
   }
 
   /** Starts requests to one server. */
   private ask(server: Server, wants: readonly Want[], { ahead, requests, values }: Limits): void {
     const asked = [...this.requests.values()].filter((request) => request.server === server);
-    const room = Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES);
+    const room = this.isLearning ? ASKED_BYTES : Math.max(this.link.bandwidth * ASKED_SECONDS, ASKED_BYTES);
     const limit = Math.min(ahead ? REQUEST_BYTES_AHEAD : REQUEST_BYTES, room / SHARES);
     // On a slow link more requests would not come sooner, but all of them late.
     const enough = server.source.batchKeys > 1 ? 1 + Math.ceil((this.link.bandwidth * this.link.latency) / limit) : requests;
@@ -327,8 +390,10 @@ export class Loader {
       resource.state = "loading";
       this.loading.set(resource, controller);
     }
+    this.push?.asks(resources);
     const bytes = bytesOf(resources);
     this.link.sent(performance.now() / 1000, bytes);
+    if (!ahead) for (const resource of resources) this.preparer.expects?.(resource);
     try {
       const answers = await server.getMany(resources.map(({ key }) => key), controller.signal);
       this.link.acknowledged(performance.now() / 1000, bytes);
@@ -349,8 +414,14 @@ export class Loader {
   private arrive(resource: Resource, found: Found, signal: AbortSignal): void {
     if (isNeeded(this.urgencyOf(resource)) || !(found instanceof Uint8Array)) return void this.prepare(resource, found, signal);
     this.loading.delete(resource);
-    this.stock.put(resource, found);
+    this.putAside(resource, found);
+  }
+
+  /** Keeps a value as it came; one that does not fit goes. */
+  private putAside(resource: Resource, value: Uint8Array): void {
+    this.stock.put(resource, value);
     this.stock.trim((other) => this.urgencies.has(other));
+    if (this.stock.bytes > this.stock.budget) this.stock.drop(resource);
   }
 
   private async prepare(resource: Resource, found: Found, signal: AbortSignal): Promise<void> {
@@ -421,7 +492,8 @@ export class Loader {
     this.events.bad(resource, error);
   }
 
-  private release(resource: Resource): void {
+  /** It does not come. */
+  release(resource: Resource): void {
     this.loading.delete(resource);
     if (resource.state === "loading") resource.state = "absent";
   }

@@ -1,23 +1,21 @@
-import type { Cell, CellGeometry } from "./cell.js";
+import { isHeld, type Cell, type CellGeometry } from "./cell.js";
+import { boundsOfInstances, finestAfar, heldForm, heldShare, meshesBelow, type CellForm, type FarView } from "./cellforms.js";
 import { cut, type Cut } from "./cut.js";
 import { seesBox, type Frustum } from "./frustum.js";
 import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
+import type { CellKey } from "./grid.js";
+import { heldMesh, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
-import type { Vector3 } from "./vector.js";
-import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
+import { tilesWanted } from "./views.js";
 
 /** Where the eye is and what it asks for. */
-export interface PlanView {
-  readonly eye: Vector3;
+export interface PlanView extends FarView {
   readonly frustum: Frustum;
   /** Metres from which a leaf is fine enough. */
   readonly radius: number;
-  /** Leaves nearer than this are geometry. */
-  readonly near: number;
   /** Leave those leaves out instead: pictures of the far field alone. */
   readonly farOnly: boolean;
-  readonly choice: ViewChoice;
 }
 
 /** A cell drawn from pictures, for the parts of it that nothing finer covers. */
@@ -31,11 +29,21 @@ export interface PictureDraw {
   readonly behind: boolean;
 }
 
+/** Instances drawn whole by themselves, where the cell that they are in is not there. */
+export interface InstancesDraw {
+  readonly placed: PlacedMesh;
+  readonly form: MeshForm;
+}
+
 /** What to draw now, and what would be drawn if everything were there. */
 export interface Plan {
   readonly cut: Cut<Cell>;
   readonly pictures: PictureDraw[];
   readonly geometry: CellGeometry[];
+  /** In addition to what stands in for the cells that they are in. */
+  readonly instances: InstancesDraw[];
+  /** Cells farther away than near that are drawn as geometry, all leaves below them. */
+  readonly afar: ReadonlySet<Cell>;
   /** How many of `pictures` stand in for others. */
   readonly standIns: number;
 }
@@ -61,9 +69,10 @@ export function makePlan(roots: readonly Cell[], directions: ReadonlyMap<number,
 
 /** Whether two plans draw the same. */
 export function samePlan(a: Plan, b: Plan): boolean {
-  const listOf = ({ pictures, geometry }: Plan): unknown[] => [
+  const listOf = ({ pictures, geometry, instances }: Plan): unknown[] => [
     ...pictures.flatMap(({ tiles, holes, behind }) => [JSON.stringify(holes), behind, ...tiles]),
     ...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]),
+    ...instances.flatMap(({ placed, form }) => [placed, form.mesh]),
   ];
   const [one, other] = [listOf(a), listOf(b)];
   return one.length === other.length && one.every((part, n) => part === other[n]);
@@ -72,6 +81,10 @@ export function samePlan(a: Plan, b: Plan): boolean {
 class Planner {
   private readonly pictures: PictureDraw[] = [];
   private readonly geometry: CellGeometry[] = [];
+  private readonly instances: InstancesDraw[] = [];
+  private readonly afar = new Set<Cell>();
+  /** Cells of the cut in whose place finer ones are kept, all of them. */
+  private readonly kept = new Set<Cell>();
   private readonly roles = new Map<Cell, Role>();
   private readonly looks = new Map<Cell, Look>();
   private standIns = 0;
@@ -88,7 +101,9 @@ class Planner {
     for (const cell of found.pictures) this.roles.set(cell, "picture");
     for (const cell of found.geometry) this.roles.set(cell, this.view.farOnly ? "left out" : "geometry");
     for (const root of roots) this.place(root);
-    return { cut: found, pictures: this.pictures, geometry: this.geometry, standIns: this.standIns };
+    this.placeInstances(found);
+    const { pictures, geometry, instances, afar, standIns } = this;
+    return { cut: found, pictures, geometry, instances, afar, standIns };
   }
 
   /** Draws a cell's part of the cut; returns where that was not possible, or not whole: there what is above is drawn as well. */
@@ -97,10 +112,12 @@ class Planner {
     const role = this.roles.get(cell);
     if (role === "left out") return COVERED;
     if (role === "geometry" && this.drawGeometry(cell)) return COVERED;
+    if (role === "picture" && this.drawAfar(cell)) return COVERED;
     if (role && cell.views.size === 0) return role === "geometry" && cell.geometry ? HOLE : COVERED;
     if (role && this.look(cell).isWhole) return this.draw(cell, HOLE, false);
     const before = this.parts;
     const holes = role ? this.retain(cell) : joinHoles((cell.children ?? []).map((child) => [child.octant, this.place(child)] as const));
+    if (role && holes === COVERED) this.kept.add(cell);
     return holes === COVERED ? COVERED : this.draw(cell, holes, this.parts > before);
   }
 
@@ -111,7 +128,7 @@ class Planner {
     if (cell.level === 0) return this.drawGeometry(cell) ? COVERED : HOLE;
     return joinHoles(
       (cell.children ?? []).map((child) => {
-        if (!seesBox(this.view.frustum, child.reach)) return [child.octant, COVERED] as const;
+        if (!seesBox(this.view.frustum, child.reach) || this.drawAfar(child)) return [child.octant, COVERED] as const;
         return [child.octant, this.look(child).isWhole ? this.draw(child, HOLE, false) : this.retain(child)] as const;
       }),
     );
@@ -145,19 +162,78 @@ class Planner {
 
   /** How much of what a cell's tiles show is shown by those that are held. */
   private heldShare(cell: Cell): number {
-    const wanted = this.wanted(cell);
-    const shares = sharesOf(cell, wanted, this.view.eye);
-    return wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
+    return heldShare(cell, this.view, this.directions);
   }
 
   private wanted(cell: Cell): readonly Resource[] {
     return tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
   }
 
-  private drawGeometry(cell: Cell): boolean {
-    const near = cell.geometry;
-    if (!near || !near.leaf.held || !near.meshes.every((mesh) => mesh.held)) return false;
-    this.geometry.push(near);
+  /** Draws all leaves below a cell as geometry, if that shows more than what there is of its pictures. */
+  private drawAfar(cell: Cell): boolean {
+    const form = this.formAfar(cell);
+    if (!form) return false;
+    this.afar.add(cell);
+    for (const leaf of form.leaves) if (seesBox(this.view.frustum, leaf.leaf.cell!.reach)) this.geometry.push(leaf);
     return true;
   }
+
+  private formAfar(cell: Cell): CellForm | null {
+    return heldForm(cell, this.view, this.look(cell).isWhole ? 1 : this.heldShare(cell));
+  }
+
+  private drawGeometry(cell: Cell): boolean {
+    const form = cell.forms.find(isHeld);
+    if (form) this.geometry.push(form);
+    return form !== undefined;
+  }
+
+  /** Draws what is placed in cells of the cut that are not there, as far as it is held. It may reach into the picture from beside it. */
+  private placeInstances({ pictures, geometry }: Cut<Cell>): void {
+    const { frustum, near, farOnly, farGeometry } = this.view;
+    if (near <= 0 || farOnly) return;
+    const shown = this.shownByLeaves();
+    for (const cell of farGeometry ? [...pictures, ...geometry] : geometry) {
+      const bounds = boundsOfInstances(cell);
+      if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
+      const finest = this.roles.get(cell) === "geometry" ? 0 : finestAfar(cell, this.view.grid.resolution);
+      if (finest === Infinity) continue;
+      for (const [forms, all] of meshesBelow(cell)) {
+        const form = heldMesh(forms, finest);
+        if (!form) continue;
+        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.instances.push({ placed, form });
+      }
+    }
+  }
+
+  /** What is placed in leaves that are drawn as geometry and reaches into no other ones: these would lack their part of it. */
+  private shownByLeaves(): Set<PlacedMesh> {
+    const leaves = this.geometry.map(({ leaf }) => leaf.cell!);
+    const drawn = new Set(leaves.map(({ name }) => name));
+    const { leafSize } = this.view.grid;
+    return new Set(leaves.flatMap(({ key, instances }) => instances.filter((placed) => isWithin(placed, key, leafSize, drawn))));
+  }
+
+  /**
+   * Whether all of a cell of the cut is drawn from pictures as it should be or, beside the picture, would be; what is placed in leaves
+   * that are geometry is told by `shownByLeaves`.
+   */
+  private isThere(cell: Cell): boolean {
+    if (this.roles.get(cell) === "geometry") return !seesBox(this.view.frustum, cell.reach) && cell.forms.some(isHeld);
+    if (this.afar.has(cell)) return false;
+    if (this.kept.has(cell) || this.look(cell).isWhole) return true;
+    return !seesBox(this.view.frustum, cell.reach) && this.formAfar(cell) !== null;
+  }
+}
+
+/** Whether all leaves that something placed in one of them reaches into are among those named. */
+function isWithin({ corner, instances }: PlacedMesh, { x, y, z }: CellKey, leafSize: number, names: ReadonlySet<string>): boolean {
+  return instances.every(({ bounds: { lower, upper } }) => {
+    const range = (a: 0 | 1 | 2): number[] => {
+      const first = Math.floor((lower[a] - corner[a]) / leafSize);
+      const count = Math.floor((upper[a] - corner[a]) / leafSize) - first + 1;
+      return Array.from({ length: count }, (_, n) => first + n);
+    };
+    return range(0).every((i) => range(1).every((j) => range(2).every((k) => names.has(`0/${x + i}/${y + j}/${z + k}`))));
+  });
 }

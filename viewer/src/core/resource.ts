@@ -1,5 +1,7 @@
 import type { Cell } from "./cell.js";
 
+const NO_IMAGES: ReadonlyMap<string, number> = new Map();
+
 /** What a value of the store is drawn as. */
 export type ResourceKind = "orthoview" | "geometry" | "mesh";
 
@@ -26,6 +28,8 @@ export class Resource {
   needs: string | null = null;
   /** The newest generation does not have it. */
   gone = false;
+  /** Hash and bytes of each image that it needs; of a mesh, as far as a leaf that lists its instances tells. */
+  images = NO_IMAGES;
 
   constructor(
     readonly key: string,

@@ -1,6 +1,7 @@
 import { crc32 } from "./crc32.js";
 import { FarfieldError } from "./errors.js";
-import { formatKey, parseKey, type Grid } from "./grid.js";
+import { formatKey, type Grid } from "./grid.js";
+import { cellOf } from "./keys.js";
 import { isCount, isList, isObject, MAXIMUM_LEVEL } from "./limits.js";
 
 /** The one rule that version 1 knows. */
@@ -14,8 +15,6 @@ const HOST = /(?:[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])/.
 const ABSOLUTE = new RegExp(`^https?://${HOST}(?::[0-9]{1,5})?/(?:${NAME}/)*$`);
 const RELATIVE = new RegExp(`^(?:\\./|(?:\\.\\./)?${NAME}/)$`);
 
-const INDEX = /(?:0|-?[1-9][0-9]{0,12})/.source;
-const OF_CELL = new RegExp(`^[a-z]+/((?:0|[1-9][0-9]?)/${INDEX}/${INDEX}/${INDEX})(?:[-/].+)?$`);
 const OF_HASH = /^[a-z]+\/([0-9a-f]{16})$/;
 
 /** Over which servers a world is split, and how (spec/world.md, Servers). */
@@ -58,13 +57,6 @@ export function serverOf(key: string, { level, addresses }: ServerRule, grid: Gr
 function placeOf(key: string, level: number, grid: Grid): string | null {
   const hash = OF_HASH.exec(key)?.[1];
   if (hash !== undefined) return hash;
-  const name = OF_CELL.exec(key)?.[1];
-  if (name === undefined) return null;
-  try {
-    const cell = parseKey(name);
-    return cell.level <= level ? formatKey(grid.ancestor(cell, level)) : null;
-  } catch {
-    // Too far up or out to be a cell.
-    return null;
-  }
+  const cell = cellOf(key);
+  return cell && cell.level <= level ? formatKey(grid.ancestor(cell, level)) : null;
 }

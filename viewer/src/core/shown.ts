@@ -77,8 +77,9 @@ class LevelsShown {
 
   /** Levels by which what is drawn is coarser than it should be; Infinity: nothing is drawn. */
   missing(cell: Cell): number {
+    if (this.plan.afar.has(cell)) return 0;
     if (this.asGeometry.has(cell) && cell.geometry) {
-      return this.leaves.has(cell.geometry) ? 0 : this.above(cell) - GEOMETRY_LEVEL;
+      return this.isGeometry(cell) ? 0 : this.above(cell) - GEOMETRY_LEVEL;
     }
     return this.isCoveredBelow(cell) ? 0 : this.above(cell) - cell.level;
   }
@@ -97,11 +98,15 @@ class LevelsShown {
     return level;
   }
 
+  private isGeometry({ forms }: Cell): boolean {
+    return forms.some((form) => this.leaves.has(form));
+  }
+
   private isCoveredBelow(cell: Cell): boolean {
     if (cell.heldBelow === 0 || cell.children === null) return false;
-    if (cell.level === 0) return cell.geometry !== null && this.leaves.has(cell.geometry);
+    if (cell.level === 0) return this.isGeometry(cell);
     const seen = cell.children.filter(({ reach }) => seesBox(this.view.frustum, reach));
-    return seen.every((child) => this.shares.get(child) === 1 || this.isCoveredBelow(child));
+    return seen.every((child) => this.plan.afar.has(child) || this.shares.get(child) === 1 || this.isCoveredBelow(child));
   }
 }
 

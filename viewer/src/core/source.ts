@@ -14,6 +14,8 @@ export interface Source {
   readonly batchKeys: number;
   /** Address of the events that tell of new generations; null: nobody tells. Known once the manifest has been read. */
   readonly events: URL | null;
+  /** Address of the sessions in which the server decides what to send; null: it does not. Known once the manifest has been read. */
+  readonly stream: URL | null;
   /** What those events call the manifest that was read last; null: not known. */
   readonly tag: string | null;
   /** The manifest's text, always asked for anew. Rejects with `network`, `missing`, `aborted`, or what the kind of source adds. */

@@ -12,6 +12,10 @@ export class Stock {
     return this.values.size;
   }
 
+  get resources(): Iterable<Resource> {
+    return this.values.keys();
+  }
+
   put(resource: Resource, value: Uint8Array): void {
     // A copy: as a part of a batch's answer it would keep all of that.
     this.values.set(resource, value.slice());
@@ -32,9 +36,14 @@ export class Stock {
     for (const resource of this.values.keys()) {
       if (this.bytes <= this.budget) return;
       if (wants(resource)) continue;
-      this.take(resource);
-      resource.state = "absent";
+      this.drop(resource);
     }
+  }
+
+  drop(resource: Resource): void {
+    if (!this.values.has(resource)) return;
+    this.take(resource);
+    resource.state = "absent";
   }
 
   clear(): void {

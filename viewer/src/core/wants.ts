@@ -1,5 +1,7 @@
-import type { Cell } from "./cell.js";
+import { isHeld, type Cell } from "./cell.js";
+import { heldForm, meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
+import { comingMeshes } from "./instances.js";
 import type { Manifest } from "./manifest.js";
 import type { Plan, PlanView } from "./plan.js";
 import type { Resource } from "./resource.js";
@@ -63,10 +65,20 @@ export function listWants(
       wants.set(resource, { resource, urgency, distance, level: cell.level });
     }
   };
-  const addPictures = (cell: Cell, urgency: number): void => {
+  /** Returns whether all of them are there. */
+  const addPictures = (cell: Cell, urgency: number): boolean => {
     const tiles = tilesWanted(cell, manifest.directions, view.eye, view.choice);
     add(tiles, cell, urgency);
     if (cell.parent && tiles.some(lacks)) addPictures(cell.parent, urgency);
+    return tiles.length > 0 && tiles.every(({ held }) => held);
+  };
+  /** What comes of instances is wanted, to be drawn until their cell is there. What to ask for, who puts wants in order decides. */
+  const addComing = (cell: Cell, urgency: number): void => {
+    if (urgency !== URGENCY.seen || view.near <= 0 || view.farOnly) return;
+    for (const forms of meshesBelow(cell).keys()) {
+      const coming = comingMeshes(forms);
+      if (coming.length > 0) add(coming.map(({ mesh }) => mesh), cell, urgency);
+    }
   };
   const addGeometry = (cell: Cell, urgency: number): void => {
     const near = cell.geometry;
@@ -76,12 +88,16 @@ export function listWants(
     add(parts, cell, isLarge ? URGENCY.detail : urgency);
     addPictures(cell, isLarge ? urgency : URGENCY.cover);
     if (!near || parts.some(lacks)) addPictures(cell, urgency);
+    if (!cell.forms.some(isHeld)) addComing(cell, urgency);
   };
 
   for (const root of roots) addPictures(root, URGENCY.root);
   const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.reach) ? URGENCY.seen : URGENCY.unseen);
   for (const cell of plan.cut.pictures) {
-    addPictures(cell, urgencyOf(cell));
+    // What is shown better by geometry that is there needs no pictures.
+    const form = heldForm(cell, view, 1);
+    if (form) add(form.resources, cell, urgencyOf(cell));
+    else if (!addPictures(cell, urgencyOf(cell)) && view.farGeometry) addComing(cell, urgencyOf(cell));
     addCover(cell, (ancestor) => addPictures(ancestor, URGENCY.cover));
   }
   if (!view.farOnly) for (const cell of plan.cut.geometry) addGeometry(cell, urgencyOf(cell));

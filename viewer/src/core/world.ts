@@ -2,8 +2,9 @@ import { Cell, SharedMeshes } from "./cell.js";
 import { asFarfieldError, corrupt, FarfieldError } from "./errors.js";
 import { decodeIndexTile } from "./indextile.js";
 import { formatKey } from "./grid.js";
-import { indexKey } from "./keys.js";
+import { cellOf, indexKey } from "./keys.js";
 import type { Manifest } from "./manifest.js";
+import type { Resource } from "./resource.js";
 import type { Server, Servers } from "./servers.js";
 import { valueOf, type Found } from "./source.js";
 
@@ -42,6 +43,17 @@ export class WorldIndex {
    */
   followedBy(manifest: Manifest): WorldIndex {
     return new WorldIndex(manifest, this.servers, this.events, this);
+  }
+
+  /** What is drawn from the value of a key; null: nothing, as far as the index has been read. */
+  find(key: string): Resource | null {
+    const of = cellOf(key);
+    if (!of) return this.shared.find(key);
+    const { grid } = this.manifest;
+    const isAbove = ({ level, name }: Cell): boolean => level >= of.level && name === formatKey(grid.ancestor(of, level));
+    let cell = this.roots.find(isAbove);
+    while (cell && cell.level > of.level) cell = cell.children?.find(isAbove);
+    return cell?.find(key) ?? null;
   }
 
   /** Number of index tiles under way. */

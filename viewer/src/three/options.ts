@@ -19,6 +19,11 @@ export interface WorldOptions {
   readonly nearRadius: number | null;
   /** Leave the near geometry out. */
   readonly farOnly: boolean;
+  /**
+   * Whether cells farther away may be geometry too, where that comes sooner than their pictures and shows more for its bytes; with
+   * `benefit` alone.
+   */
+  readonly farGeometry: boolean;
   readonly light: Light;
   /**
    * CSS colour; "clear": a sky that follows the sun, which then colours its light and the ambient light too; null leaves
@@ -35,6 +40,13 @@ export interface WorldOptions {
   readonly ahead: number;
   /** Whether what adds most to the picture for its bytes is fetched first; else what is nearest. */
   readonly benefit: boolean;
+  /**
+   * Whether a server that offers it decides what to send, as long as cells are drawn from the tiles that the index picks and what adds
+   * most comes first.
+   */
+  readonly sessions: boolean;
+  /** What such a server wants to hear before it does; empty: nothing. */
+  readonly token: string;
   /** Bytes uploaded to the graphics card a frame, at most one value more. */
   readonly uploadBytes: number;
   /**
@@ -67,6 +79,7 @@ export function defaultOptions(): WorldOptions {
     bias: 0,
     nearRadius: null,
     farOnly: false,
+    farGeometry: true,
     light: DEFAULT_LIGHT,
     sky: DEFAULT_SKY,
     haze: null,
@@ -74,6 +87,8 @@ export function defaultOptions(): WorldOptions {
     cacheBytes: memory < 4 ? PHONE_CACHE : DESKTOP_CACHE,
     ahead: 8,
     benefit: true,
+    sessions: true,
+    token: "",
     uploadBytes: 4 << 20,
     culling: "all",
     frameMs: 40,
@@ -87,4 +102,9 @@ export type OptionChanges = Partial<Omit<WorldOptions, "light">> & { readonly li
 
 export function withChanges(options: WorldOptions, changes: OptionChanges): WorldOptions {
   return { ...options, ...changes, light: { ...options.light, ...changes.light } };
+}
+
+/** Whether a server can be told how the world is drawn. */
+export function maySession({ sessions, benefit, views, layers, farOnly }: WorldOptions): boolean {
+  return sessions && benefit && views === null && layers === 2 && !farOnly;
 }

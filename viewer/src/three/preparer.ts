@@ -32,6 +32,11 @@ export class ThreePreparer implements Preparer {
     return resource.kind === "orthoview" ? this.orthoview(resource, bytes, signal) : this.model(resource, bytes);
   }
 
+  expects({ key, cell, images }: Resource): void {
+    const form = cell?.forms.find(({ leaf }) => leaf.key === key);
+    for (const [hash] of form?.entry.textures ?? images) this.parts.shelf.expect(hash);
+  }
+
   dispose(resource: Resource, payload: unknown): void {
     if (resource.kind === "orthoview") {
       this.splats -= (payload as OrthoviewTile).count;

@@ -3,12 +3,16 @@ import { joinWants, LookAhead } from "../core/ahead.js";
 import type { DecodePool } from "../core/decode/pool.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
 import type { Cell } from "../core/cell.js";
+import { seesBox } from "../core/frustum.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Manifest } from "../core/manifest.js";
+import { PushClient } from "../core/push/client.js";
+import type { ViewMessage } from "../core/push/messages.js";
 import type { Resource } from "../core/resource.js";
-import type { Servers } from "../core/servers.js";
+import type { Server, Servers } from "../core/servers.js";
 import { shownBy, type Shown } from "../core/shown.js";
 import { distanceTo, farthestIn, type Vector3 } from "../core/vector.js";
+import type { Viewing } from "../core/stream/motion.js";
 import { Observer } from "../core/stream/observer.js";
 import { Ranking } from "../core/stream/ranking.js";
 import { coarseFirst, isNeeded, listWants, URGENCY, type Want } from "../core/wants.js";
@@ -53,6 +57,8 @@ export interface SessionParts {
 }
 
 export interface SessionEvents extends LoaderEvents {
+  /** The server shows another generation. */
+  readonly outdated: () => void;
   /** The last picture lacks something that was held to be hidden. */
   readonly lacking: () => void;
 }
@@ -63,6 +69,9 @@ export class Session {
   readonly splats: Splats;
   readonly near: NearGeometry;
   readonly preparer: ThreePreparer;
+  private readonly shelf: TextureShelf;
+  /** Null: the world is split over servers, none of which could decide alone. */
+  readonly push: PushClient | null;
   plan: Plan | null = null;
   /** Of the generation that is shown. */
   index: WorldIndex;
@@ -103,10 +112,25 @@ export class Session {
     this.near = new NearGeometry(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
-    this.preparer = new ThreePreparer({ manifest, pool, shelf: new TextureShelf(servers, pool, () => anisotropyOf(renderer())), renderer, forget, patches: () => options().patches });
+    this.shelf = new TextureShelf(servers, pool, () => anisotropyOf(renderer()));
+    this.preparer = new ThreePreparer({ manifest, pool, shelf: this.shelf, renderer, forget, patches: () => options().patches });
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
     this.ranking = new Ranking(this.loader.link, this.loader.sizes);
+    this.push = manifest.servers ? null : this.pushFrom(servers.all[0]!);
+    this.loader.push = this.push;
+  }
+
+  private pushFrom(server: Server): PushClient {
+    return new PushClient({
+      server,
+      loader: this.loader,
+      find: (key) => this.next?.find(key) ?? this.index.find(key),
+      images: this.shelf,
+      generation: () => this.newest.generation,
+      token: () => this.parts.options().token,
+      outdated: this.events.outdated,
+    });
   }
 
   /** Prepares a newer generation; it takes the place of the present one when all that the view wants of it is there. */
@@ -114,6 +138,7 @@ export class Session {
     this.next?.close();
     this.next = this.index.followedBy(manifest);
     this.movedAt = null;
+    this.push?.renew();
   }
 
   /** Manifest of the newest generation that is known. */
@@ -133,7 +158,8 @@ export class Session {
 
   /** Bytes and requests since the session began. */
   get traffic(): { readonly bytes: number; readonly requests: number } {
-    return this.parts.servers;
+    const { bytes, requests } = this.parts.servers;
+    return { bytes: bytes + (this.push?.bytes ?? 0), requests };
   }
 
   /** Levels by which the cut is coarser than asked, because the budget would not hold it. */
@@ -195,7 +221,13 @@ export class Session {
     this.seen = seenOf(wants);
     const soon = this.lookAhead(plan, view);
     explore(index, plan, this.ahead.unknown);
-    this.loader.want(joined(next.wants ?? [], joinWants([this.ordered(wants, viewpoint, view, width), soon])), this.number, drawnBy(plan), this.next !== null);
+    const viewing = this.watch(viewpoint, width);
+    const all = joined(next.wants ?? [], joinWants([this.ordered(wants, viewing, view), soon]));
+    this.loader.isLearning = this.parts.options().benefit && plan.cut.unknown.some(({ reach }) => seesBox(view.frustum, reach));
+    this.loader.want(all, this.number, drawnBy(plan), this.next !== null);
+    this.push?.settle(all);
+    // Last: what the loader asks for now the server knows of by then.
+    this.push?.see(this.told(viewing, view));
     if (next.taken) this.loader.cache.dropGone();
     const picture = !before || !samePlan(plan, before);
     // A picture that is complete has its own shadows at once.
@@ -204,15 +236,34 @@ export class Session {
   }
 
   /** Wants in the order in which they are to be fetched. */
-  private ordered(wants: Want[], viewpoint: Viewpoint, view: PlanView, width: number): Want[] {
+  private ordered(wants: Want[], viewing: Viewing, view: PlanView): Want[] {
     const { options, servers } = this.parts;
     if (!options().benefit) return this.inTime(wants, view);
     const { manifest, roots } = this.index;
+    const cells = { ...view, roots, directions: manifest.directions, holdsImage: (hash: string) => this.shelf.holds(hash), lacks: servers.lacking() };
+    return this.ranking.rank(wants, cells, viewing, options().cacheBytes);
+  }
+
+  /** How the eye moves that sees a picture `width` pixels wide. */
+  private watch(viewpoint: Viewpoint, width: number): Viewing {
     const share = width / viewpoint.width;
     const shown = { ...viewpoint, focal: viewpoint.focal * share, width, height: viewpoint.height * share };
-    const viewing = this.observer.see(shown, performance.now() / 1000, manifest.grid.leafSize);
-    const cells = { ...view, roots, directions: manifest.directions, pitch: manifest.grid.pitch(0), lacks: servers.lacking() };
-    return this.ranking.rank(wants, cells, viewing, options().cacheBytes);
+    return this.observer.see(shown, performance.now() / 1000, this.index.manifest.grid.leafSize);
+  }
+
+  /** What a server has to know of a view to send what it is drawn from. */
+  private told({ eye, forward, focal, size, velocity, acceleration, turning }: Viewing, { radius, near, farGeometry, choice }: PlanView): ViewMessage {
+    const [width, height] = size.map((pixels) => clamped(Math.round(pixels), 1, 16384)) as [number, number];
+    return {
+      eye, forward, velocity, acceleration, turning,
+      size: [width, height],
+      fov: clamped((360 / Math.PI) * Math.atan(height / 2 / focal), 0.1, 179),
+      nearRadius: near,
+      // The server's radius is focal times pitch, and halved by each 1 of it.
+      bias: clamped(Math.log2((focal * this.index.manifest.grid.pitch(0)) / radius), -4, 8),
+      leastGain: choice.leastGain,
+      farGeometry,
+    };
   }
 
   /** Wants in their order, or, where the link has been too slow for a while, with what can stand in first. */
@@ -311,9 +362,9 @@ export class Session {
     this.events.arrived();
   }
 
-  private place({ pictures, geometry }: Plan, view: SplatView): void {
+  private place({ pictures, geometry, instances }: Plan, view: SplatView): void {
     this.splats.set(pictures, view);
-    this.near.set(geometry, view.viewpoint, view.sun);
+    this.near.set({ leaves: geometry, instances }, view.viewpoint, view.sun);
   }
 
   /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */
@@ -351,6 +402,7 @@ export class Session {
   }
 
   dispose(): void {
+    this.push?.close();
     this.next?.close();
     this.index.close();
     this.parts.servers.close();
@@ -361,8 +413,9 @@ export class Session {
   }
 
   private viewOf(viewpoint: Viewpoint, width: number): PlanView {
-    const { bias, nearRadius, farOnly, views, leastGain, layers } = this.parts.options();
-    const { leafSize, resolution } = this.index.manifest.grid;
+    const { bias, nearRadius, farOnly, farGeometry, benefit, views, leastGain, layers } = this.parts.options();
+    const { grid } = this.index.manifest;
+    const { leafSize, resolution } = grid;
     const radius = (leafSize * width) / (2 * resolution * viewpoint.tangent);
     return {
       eye: viewpoint.eye,
@@ -371,6 +424,10 @@ export class Session {
       // What is left out of a picture of the far field does not depend on the budget.
       near: (nearRadius ?? radius) / (farOnly ? 1 : 2 ** this.coarsening.levels),
       farOnly,
+      focal: viewpoint.focal * (width / viewpoint.width),
+      grid,
+      // What is nearest first asks for pictures.
+      farGeometry: farGeometry && benefit,
       choice: { views, leastGain, layers },
     };
   }
@@ -397,10 +454,15 @@ function joined(first: readonly Want[], second: readonly Want[]): readonly Want[
   return [...first, ...second.filter(({ resource }) => !known.has(resource))];
 }
 
+function clamped(value: number, least: number, most: number): number {
+  return Math.min(most, Math.max(least, value));
+}
+
 function seenOf(wants: readonly Want[]): Resource[] {
   return wants.filter(({ urgency }) => isNeeded(urgency)).map(({ resource }) => resource);
 }
 
-function drawnBy({ pictures, geometry }: Plan): Resource[] {
-  return [...pictures.flatMap(({ tiles }) => tiles), ...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes])];
+function drawnBy({ pictures, geometry, instances }: Plan): Resource[] {
+  const near = [...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]), ...instances.map(({ form }) => form.mesh)];
+  return [...pictures.flatMap(({ tiles }) => tiles), ...near];
 }

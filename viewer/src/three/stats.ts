@@ -26,8 +26,10 @@ export interface WorldStats {
   readonly stand_ins: number;
   /** Cells of the whole cut, in the picture or not. */
   readonly cut_cells: number;
-  /** Bytes and requests since the world was opened. */
+  /** Bytes and requests since the world was opened; the bytes of them that a server sent by its own decision, and whether it does. */
   readonly bytes: number;
+  readonly pushed_bytes: number;
+  readonly session: boolean;
   readonly requests: number;
   /** Values the picture wants that have not arrived. */
   readonly tiles_pending: number;
@@ -78,6 +80,8 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     stand_ins: plan?.standIns ?? 0,
     cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
     bytes,
+    pushed_bytes: session?.push?.bytes ?? 0,
+    session: session?.push?.on ?? false,
     requests,
     tiles_pending: session?.pending ?? 0,
     tiles_missing: bad,

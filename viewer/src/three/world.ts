@@ -13,7 +13,7 @@ import { Frame } from "./frame.js";
 import { Generations } from "./generations.js";
 import { LightUniforms } from "./light.js";
 import { openManifest, sourceOf } from "./opening.js";
-import { defaultOptions, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
+import { defaultOptions, maySession, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
 import { MovingObjects } from "./moving.js";
 import { Pace } from "./pace.js";
 import { Session } from "./session.js";
@@ -104,10 +104,11 @@ export class FarfieldWorld extends Object3D {
   }
 
   setOptions(changes: OptionChanges): void {
-    const { patches } = this.options;
+    const { patches, token } = this.options;
     this.options = withChanges(this.options, changes);
     // Tiles have been joined already, or not.
     if (this.options.patches !== patches) this.session?.lost();
+    if (this.options.token !== token) this.session?.push?.renew();
     this.applyOptions();
   }
 
@@ -234,12 +235,15 @@ export class FarfieldWorld extends Object3D {
     const session = new Session(parts, {
       bad: (resource, error) => this.doubt(resource.key, error, () => this.session?.isNewest(resource) ?? false),
       arrived: () => this.events.emit("arrived", undefined),
+      outdated: () => void this.refresh(),
+      unforeseen: () => this.changed(),
       lacking: () => {
         this.drawDirty = true;
         this.events.emit("arrived", undefined);
       },
     });
     this.session = session;
+    session.push?.turn(maySession(this.options));
     this.moving.drawWith((part) => session.near.materialOfMoving(part));
     this.changed();
   }
@@ -347,7 +351,10 @@ export class FarfieldWorld extends Object3D {
     this.air.set(this.options);
     this.frame.fade = this.options.fade;
     this.frame.shutter = this.options.shutter;
-    if (this.session) this.session.loader.budget = this.options.cacheBytes;
+    if (this.session) {
+      this.session.loader.budget = this.options.cacheBytes;
+      this.session.push?.turn(maySession(this.options));
+    }
     this.invalidate();
     this.changed();
   }

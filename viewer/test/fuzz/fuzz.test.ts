@@ -9,7 +9,7 @@ import { unzipSync } from "fflate";
 import { Texture } from "three";
 import { beforeAll, describe, expect, it, vi } from "vitest";
 import { Cell, SharedMeshes } from "../../src/core/cell.js";
-import { checkGlb } from "../../src/core/decode/glb.js";
+import { checkGlb, glbOf } from "../../src/core/decode/glb.js";
 import { FarfieldError } from "../../src/core/errors.js";
 import { unpack } from "../../src/core/fetch.js";
 import { parseKey } from "../../src/core/grid.js";
@@ -18,11 +18,12 @@ import { inflate } from "../../src/core/inflate.js";
 import { decodeManifest } from "../../src/core/manifest.js";
 import { decodeTile, WORDS } from "../../src/core/orthoview/decode.js";
 import { PLANE } from "../../src/core/orthoview/header.js";
+import { readMessage, readPiece } from "../../src/core/push/messages.js";
 import { parseNearModel } from "../../src/three/near/parse.js";
 import type { TextureShelf } from "../../src/three/near/textures.js";
 import { listVectors, readVector } from "../vectors.js";
 import { joined, mutated, mutatedJson, Random } from "./mutate.js";
-import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, plane, SEALED, tables, type Shell } from "./shells.js";
+import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, PACKED, PACKED_STREAM, plane, SEALED, tables, type Shell } from "./shells.js";
 
 const SAMPLE = 250;
 const SECONDS = 2;
@@ -42,11 +43,20 @@ interface Decoder {
 const GOLDEN = unzipSync(readFileSync(new URL("../../../tests/fixtures/world-v1.zip", import.meta.url)));
 const below = (folder: string): Uint8Array[] => Object.keys(GOLDEN).filter((name) => name.startsWith(folder)).sort().map((name) => GOLDEN[name]!);
 const vectors = (folder: string): Uint8Array[] => listVectors(folder, ".ffov").map((name) => readVector(`${folder}/${name}`));
+const PACKED_NEAR = ["near", "near/version-1"].flatMap((folder) => listVectors(folder, ".bin").map((name) => readVector(`${folder}/${name}`)));
+const NEAR = PACKED_NEAR.map((value) => glbOf(value, "near"));
 const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
 const SERVERS = { rule: "cell-crc32", level: 1, addresses: ["https://a.example.org/city/", "./", "../b/"] };
 const SPLIT = new TextEncoder().encode(JSON.stringify({ ...(JSON.parse(text(GOLDEN["world.json"]!)) as object), servers: SERVERS }));
 const manifest = decodeManifest(text(GOLDEN["world.json"]!), "");
 const u32At = (bytes: Uint8Array, at: number): number => (bytes.length < at + 4 ? 0 : new DataView(bytes.buffer, bytes.byteOffset).getUint32(at, true));
+
+const SAID = [
+  { type: "welcome", version: 1, generation: 4, piece: 16384 },
+  { type: "value", number: 3, key: "orthoview/1/0/-2/0/13/0-0123456789abcdef", bytes: 40_000 },
+  { type: "cancelled", number: 3 },
+  { type: "missing", key: "mesh/0123456789abcdef" },
+];
 
 /** Node has no decoder of WebP. */
 const grey = (_: Uint8Array, width: number, height: number): Promise<Uint8ClampedArray> =>
@@ -69,6 +79,19 @@ function index(bytes: Uint8Array): void {
   root.read(entries, new SharedMeshes(), "index");
 }
 
+/** An index tile that tells of instances in its leaves, of which it has some. */
+function placing(): Uint8Array {
+  const [value] = below("index");
+  const { root, cells } = JSON.parse(text(INDEX_TEXT.open(value!)!)) as { root: string; cells: CellEntry[] };
+  const level = { hash: "0123456789abcdef", bytes: 900, triangles: 2000, textures: [["fedcba9876543210", 99]] };
+  const levels = [level, { ...level, textures: [], errors: [9, 30, 80] }];
+  const transform = [0, -1, 0, 4.5, 1, 0, 0, 2.25, 0, 0, 1, 0.125];
+  const instances = [{ bounds: [[-1, -1, 0], [1, 1, 2]], levels, objects: [7, 9], transforms: [transform, transform] }];
+  const placed = cells.map((cell) => (cell.geometry ? { ...cell, instances } : cell));
+  expect(placed).not.toEqual(cells);
+  return INDEX_TEXT.close(value!, new TextEncoder().encode(JSON.stringify({ root, cells: placed })));
+}
+
 /** Bytes deflated behind their length. */
 const stream = (content: Uint8Array): Uint8Array => joined(new Uint8Array(Uint32Array.of(content.length).buffer), deflated(content));
 const STREAM: Shell = { name: "stream", open: (value) => inflate(value.subarray(4), u32At(value, 0), ""), close: (_, part) => stream(part) };
@@ -81,7 +104,7 @@ const DECODERS: readonly Decoder[] = [
     shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).flatMap((kind) => [plane(kind), tables(kind)])],
     bound: (bytes) => 96 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
   },
-  { name: "index", decode: index, corpus: below("index"), shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
+  { name: "index", decode: index, corpus: [...below("index"), placing()], shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
   { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!, SPLIT], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },
   {
     name: "inflate",
@@ -97,7 +120,22 @@ const DECODERS: readonly Decoder[] = [
     shells: [BARE],
     bound: () => 0,
   },
-  { name: "checkGlb", decode: (bytes) => checkGlb(bytes, "glb"), corpus: [...below("geometry"), ...below("mesh")], shells: [BARE, GLB_JSON, GLB_JSON, GLB_BODY], bound: (bytes) => 64 * bytes.length },
+  {
+    name: "session message",
+    decode: (bytes) => readMessage(text(bytes)),
+    corpus: SAID.map((message) => new TextEncoder().encode(JSON.stringify(message))),
+    shells: [BARE, BARE_JSON],
+    bound: (bytes) => 64 * bytes.length,
+  },
+  { name: "session piece", decode: (bytes) => readPiece(bytes.slice().buffer), corpus: [new Random(3).bytes(40)], shells: [BARE], bound: (bytes) => 2 * bytes.length },
+  {
+    name: "packed glb",
+    decode: (bytes) => checkGlb(glbOf(bytes, "glb"), "glb"),
+    corpus: PACKED_NEAR,
+    shells: [BARE, PACKED, PACKED_STREAM],
+    bound: (bytes) => 64 * Math.max(bytes.length, Math.min(1 << 30, u32At(bytes, 8))) + INFLATE_ROOM,
+  },
+  { name: "checkGlb", decode: (bytes) => checkGlb(bytes, "glb"), corpus: [...below("geometry"), ...below("mesh"), ...NEAR], shells: [BARE, GLB_JSON, GLB_JSON, GLB_BODY], bound: (bytes) => 64 * bytes.length },
   { name: "near model", decode: (bytes) => parseNearModel(bytes, "glb", shelf), corpus: [...below("geometry"), ...below("mesh")], shells: [GLB_JSON, GLB_JSON, GLB_BODY], bound: (bytes) => 64 * bytes.length },
 ];
 
@@ -206,7 +244,7 @@ describe("what was found", () => {
     ["an image", { images: [{ uri: "../texture/../secret" }] }],
     ["a buffer", { buffers: [{ uri: "https://example.org/a.bin", byteLength: 4 }] }],
     ["a node", { nodes: [{ children: [0] }] }],
-    ["an accessor", { accessors: [{ componentType: 5126, count: 2 ** 30, type: "VEC4" }] }],
+    ["a primitive", { accessors: [{ componentType: 5126, count: 2 ** 30, type: "VEC4" }] }],
     ["an accessor", { accessors: [{ bufferView: 0, componentType: 5126, count: 1, type: "VEC4", sparse: {} }] }],
     ["more than", { animations: [{}] }],
     ["a primitive", { meshes: [{ primitives: [{ attributes: { POSITION: 99 }, indices: 0 }] }] }],
@@ -217,6 +255,21 @@ describe("what was found", () => {
   it("near models are checked before they are read", async () => {
     const glb = changed((json) => Object.assign(json, { images: [{ uri: "https://example.org/pixel.png" }] }));
     await expect(parseNearModel(glb, "glb", shelf)).rejects.toMatchObject({ tag: "corrupt", what: "near geometry is damaged: an image" });
+  });
+
+  it.each(NEAR)("compressed near geometry is read, and none whose head claims too much", (glb) => {
+    checkGlb(glb, "near");
+    const body = GLB_BODY.open(glb)!;
+    const head = body.findIndex((_, at) => text(body.subarray(at, at + 5)) === "DRACO");
+    const claimed = (...bytes: number[]): Uint8Array => {
+      const other = body.slice();
+      other.set(bytes, head + 12);
+      return GLB_BODY.close(glb, other);
+    };
+    refuses(() => checkGlb(claimed(255, 255, 255, 255, 7), "near"), "a primitive");
+    refuses(() => checkGlb(claimed(255, 255, 255, 255, 255, 255), "near"), "a primitive");
+    const more = (text_: string): string => text_.replace(/"count":\s?\d+/g, '"count":99999999');
+    refuses(() => checkGlb(GLB_JSON.close(glb, new TextEncoder().encode(more(text(GLB_JSON.open(glb)!)))), "near"), "");
   });
 
   it("views that share the bytes of the file", () => {

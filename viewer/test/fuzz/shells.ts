@@ -1,6 +1,8 @@
 /** Ways into a value: a part of it is damaged, and lengths and checksums are made right around it (tests/fuzz/shells.py). */
 import { deflateRawSync, inflateRawSync } from "node:zlib";
 import { crc32 } from "../../src/core/crc32.js";
+import { DICTIONARY } from "../../src/core/decode/dictionary.js";
+import { glbOf } from "../../src/core/decode/glb.js";
 import { CODEC, readTile, type StoredPlane } from "../../src/core/orthoview/header.js";
 import { joined } from "./mutate.js";
 
@@ -90,7 +92,7 @@ function chunks(glb: Uint8Array): { text: Uint8Array; body: Uint8Array } {
   return { text: glb.slice(20, 20 + length), body: glb.slice(28 + length) };
 }
 
-function glbOf(text: Uint8Array, body: Uint8Array): Uint8Array {
+function joinedGlb(text: Uint8Array, body: Uint8Array): Uint8Array {
   const padded = joined(text, new Uint8Array((4 - (text.length % 4)) % 4).fill(32));
   const total = 28 + padded.length + body.length;
   return joined(u32(0x46546c67, 2, total, padded.length, 0x4e4f534a), padded, u32(body.length, 0x004e4942), body);
@@ -99,12 +101,35 @@ function glbOf(text: Uint8Array, body: Uint8Array): Uint8Array {
 export const GLB_JSON: Shell = {
   name: "json",
   open: (glb) => chunks(glb).text,
-  close: (glb, text) => glbOf(text, chunks(glb).body),
+  close: (glb, text) => joinedGlb(text, chunks(glb).body),
   json: true,
 };
 
 export const GLB_BODY: Shell = {
   name: "body",
   open: (glb) => chunks(glb).body,
-  close: (glb, body) => glbOf(chunks(glb).text, body),
+  close: (glb, body) => joinedGlb(chunks(glb).text, body),
+};
+
+const [FFGL, WITH_DICTIONARY] = [0x4c474646, 2];
+
+/** A value of near geometry, packed by version 2. */
+export function packed(glb: Uint8Array): Uint8Array {
+  return joined(u32(FFGL, WITH_DICTIONARY, glb.length, crc32(glb)), new Uint8Array(deflateRawSync(glb, { dictionary: DICTIONARY })));
+}
+
+export const PACKED: Shell = { name: "packed", open: (value) => glbOf(value, ""), close: (_, glb) => packed(glb) };
+
+/** With length and checksum of what comes out of the stream, if anything does. */
+export const PACKED_STREAM: Shell = {
+  name: "stream",
+  open: (value) => (value[4] === WITH_DICTIONARY ? value.slice(16) : null),
+  close: (value, stream) => {
+    try {
+      const content = inflateRawSync(stream, { dictionary: DICTIONARY, maxOutputLength: 1 << 20 });
+      return joined(value.slice(0, 8), u32(content.length, crc32(content)), stream);
+    } catch {
+      return joined(value.slice(0, 16), stream);
+    }
+  },
 };

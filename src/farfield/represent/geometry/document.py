@@ -23,10 +23,11 @@ MAXIMUM_PRIMITIVES = 65535
 class Accessor(msgspec.Struct, frozen=True):
     """Typed rows of a buffer view."""
 
-    bufferView: _Number  # noqa: N815
     componentType: Literal[5120, 5121, 5123, 5125, 5126]  # noqa: N815
     count: _Number
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT4"]
+    bufferView: _Number | None = None  # noqa: N815
+    """None: of a compressed primitive."""
 
 
 class BufferView(msgspec.Struct, frozen=True):
@@ -38,7 +39,7 @@ class BufferView(msgspec.Struct, frozen=True):
 
 
 class Attributes(msgspec.Struct, frozen=True, rename={"feature": "_FEATURE_ID_0"}):
-    """Accessors of a primitive's vertices."""
+    """Of a primitive's vertices."""
 
     POSITION: _Number
     NORMAL: _Number
@@ -46,13 +47,34 @@ class Attributes(msgspec.Struct, frozen=True, rename={"feature": "_FEATURE_ID_0"
     TEXCOORD_0: _Number | None = None
     COLOR_0: _Number | None = None
 
+    def named(self) -> dict[str, int]:
+        """By glTF's names."""
+        found: dict[str, int] = msgspec.to_builtins(self)
+        return {name: number for name, number in found.items() if number is not None}
+
+
+class CompressedPrimitive(msgspec.Struct, frozen=True):
+    """Where a compressed primitive is."""
+
+    bufferView: _Number  # noqa: N815
+    attributes: Attributes
+    """Numbers of the attributes in the data."""
+
+
+class PrimitiveExtensions(msgspec.Struct, frozen=True, rename={"draco": "KHR_draco_mesh_compression"}):
+    """Of a primitive."""
+
+    draco: CompressedPrimitive | None = None
+
 
 class Primitive(msgspec.Struct, frozen=True):
     """Triangles of one material."""
 
     attributes: Attributes
+    """Places in the list of accessors."""
     indices: _Number
     material: _Number
+    extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
 class MeshEntry(msgspec.Struct, frozen=True):

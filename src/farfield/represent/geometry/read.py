@@ -17,15 +17,24 @@ from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
 from farfield.geometry.color import srgb_from_linear
+from farfield.packed import unpack
+from farfield.represent.geometry.dictionary import DICTIONARY
 from farfield.represent.geometry.document import Accessor, Document, Primitive
-from farfield.represent.geometry.write import PlacedMesh
+from farfield.represent.geometry.draco import decompress
+from farfield.represent.geometry.write import MAGIC, PlacedMesh
 from farfield.scene.model import Material, Mesh, Texture
 
 _HEADER = struct.Struct("<4sIIII")
 _KIND = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1", 5120: "i1"}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_UNPACKED = {
+    "POSITION": (3, "f"), "NORMAL": (3, "f"), "_FEATURE_ID_0": (1, "uf"), "TEXCOORD_0": (2, "f"), "COLOR_0": (4, "u"),
+}  # fmt: skip
+"""Columns and kinds of number of compressed attributes."""
 _LARGEST = 1e12
 """Metres: coordinates beyond are refused, before sums of them overflow."""
+MAXIMUM_BYTES = 1 << 30
+"""A GLB never unpacks to more than this."""
 _HINT = "run farfield verify"
 
 TextureReader = Callable[[str], Texture]
@@ -43,9 +52,9 @@ class LeafGeometry:
 
 
 def read_leaf_glb(data: bytes, where: str, texture: TextureReader) -> LeafGeometry:
-    """Reads a leaf's GLB. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
+    """Reads a leaf's GLB. Raises CorruptTileError; see `_glb_of` for what it allocates."""
     with _Damage(where):
-        glb = _Glb(data)
+        glb = _Glb(_glb_of(data, where))
         if not glb.document.scenes:
             raise ValueError("without a scene")
         notes = glb.document.scenes[0].extras.farfield
@@ -70,15 +79,26 @@ def _with_ids(mesh: Mesh, ids: NDArray[np.uint32]) -> Mesh:
 
 
 def read_mesh_glb(data: bytes, where: str, texture: TextureReader) -> Mesh:
-    """Reads a shared mesh. Raises CorruptTileError; allocates at most 32 bytes for each byte of it, textures apart."""
+    """Reads a shared mesh. Raises CorruptTileError; see `_glb_of` for what it allocates."""
     with _Damage(where):
-        return _Glb(data).mesh(texture)
+        return _Glb(_glb_of(data, where)).mesh(texture)
 
 
 def texture_hashes(data: bytes, where: str) -> tuple[str, ...]:
     """Hashes of the images that a GLB refers to. Raises CorruptTileError."""
     with _Damage(where):
-        return tuple(image.hash for image in _Glb(data).document.images)
+        return tuple(image.hash for image in _Glb(_glb_of(data, where)).document.images)
+
+
+def _glb_of(data: bytes, where: str) -> bytes:
+    """The GLB, of at most as many bytes as the head declares; files from before there was compression are not packed.
+
+    Reading it allocates at most 32 bytes for each byte of it, textures apart, and 256 for each vertex and triangle of
+    compressed primitives, which are at most 16 for each byte.
+    """
+    if data[:4] != MAGIC:
+        return data
+    return unpack(data, MAGIC, MAXIMUM_BYTES, "near geometry", where, dictionary=DICTIONARY)
 
 
 class _Damage:
@@ -91,7 +111,7 @@ class _Damage:
         return None
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, ValueError | IndexError | RecursionError | struct.error):
+        if isinstance(error, ValueError | LookupError | RecursionError | struct.error):
             raise CorruptTileError(f"near geometry is damaged: {error}", self._where, _HINT) from None
 
 
@@ -120,6 +140,8 @@ class _Glb:
         return self._rows(facts, np.dtype(_KIND[facts.componentType]))
 
     def _rows(self, facts: Accessor, kind: np.dtype[Any]) -> NDArray[Any]:
+        if facts.bufferView is None:
+            raise ValueError("an accessor without a view")
         view = self.document.bufferViews[facts.bufferView]
         width = _WIDTH[facts.type] * kind.itemsize
         stride = view.byteStride or width
@@ -163,25 +185,63 @@ class _Glb:
         )
 
     def _primitive(self, primitive: Primitive) -> dict[str, Any]:
-        names = primitive.attributes
-        triangles = self.accessor(primitive.indices, ("SCALAR <u2", "SCALAR <u4")).reshape(-1, 3).astype(np.uint32)
-        positions = _finite(self.accessor(names.POSITION, ("VEC3 <f4",)), _LARGEST)
-        count = len(positions)
-        if int(triangles.max(initial=0)) >= count and len(triangles):
+        rows, triangles = self._rows_of(primitive)
+        positions = _finite(rows["POSITION"], _LARGEST)
+        if int(triangles.max(initial=0)) >= len(positions) and len(triangles):
             raise ValueError("an index beyond the vertices")
-        normals = np.maximum(self.accessor(names.NORMAL, ("VEC3 i1",), count).astype(np.float32) / 127, -1)
-        ids = self.accessor(names.feature, ("SCALAR <f4",), count).ravel()
+        normals = _finite(rows["NORMAL"])
+        ids = rows["_FEATURE_ID_0"].ravel()
         if not (np.isfinite(ids) & (ids >= 0) & (ids < 2**32)).all():
             raise ValueError("an object id beyond 32 bits")
-        uvs, colors = names.TEXCOORD_0, names.COLOR_0
+        uvs, colors = rows.get("TEXCOORD_0"), rows.get("COLOR_0")
         return {
             "positions": positions,
             "triangles": triangles,
             "normals": normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6),
             "objects": ids[triangles[:, 0]].astype(np.uint32),
-            "uvs": None if uvs is None else _finite(self.accessor(uvs, ("VEC2 <f4",), count)),
-            "colors": None if colors is None else _srgb8(self.accessor(colors, ("VEC4 <u2",), count)),
+            "uvs": None if uvs is None else _finite(uvs),
+            "colors": None if colors is None else _srgb8(colors),
         }
+
+    def _rows_of(self, primitive: Primitive) -> tuple[dict[str, NDArray[Any]], NDArray[np.uint32]]:
+        """(semantic -> (n, k) rows, (m, 3) triangles), packed or plain."""
+        places, packed = primitive.attributes, primitive.extensions.draco
+        if packed is None:
+            return self._plain_rows(primitive)
+        count = self.document.accessors[places.POSITION].count
+        indices = self.document.accessors[primitive.indices].count
+        attributes, triangles = decompress(self._view(packed.bufferView), count, indices // 3)
+        rows = {}
+        for name, number in packed.attributes.named().items():
+            width, kinds = _UNPACKED[name]
+            values = rows[name] = attributes[number]
+            if values.ndim != 2 or values.shape[1] != width or values.dtype.kind not in kinds:
+                raise ValueError(f"{name} of another type")
+        return rows, triangles
+
+    def _plain_rows(self, primitive: Primitive) -> tuple[dict[str, NDArray[Any]], NDArray[np.uint32]]:
+        """Of files from before there was compression."""
+        places = primitive.attributes
+        triangles = self.accessor(primitive.indices, ("SCALAR <u2", "SCALAR <u4")).reshape(-1, 3).astype(np.uint32)
+        rows = {"POSITION": self.accessor(places.POSITION, ("VEC3 <f4",))}
+        count = len(rows["POSITION"])
+        rows["NORMAL"] = np.maximum(self.accessor(places.NORMAL, ("VEC3 i1",), count).astype(np.float32) / 127, -1)
+        rows["_FEATURE_ID_0"] = self.accessor(places.feature, ("SCALAR <f4",), count)
+        if places.TEXCOORD_0 is not None:
+            rows["TEXCOORD_0"] = self.accessor(places.TEXCOORD_0, ("VEC2 <f4",), count)
+        if places.COLOR_0 is not None:
+            rows["COLOR_0"] = self.accessor(places.COLOR_0, ("VEC4 <u2",), count)
+        return rows, triangles
+
+    def _view(self, index: int) -> bytes:
+        """Bytes of a view, which nothing else may share."""
+        view = self.document.bufferViews[index]
+        if view.byteOffset + view.byteLength > len(self._body):
+            raise ValueError("a view ends beyond the file")
+        self._unread -= view.byteLength
+        if self._unread < 0:
+            raise ValueError("views share their bytes")
+        return bytes(self._body[view.byteOffset : view.byteOffset + view.byteLength])
 
     def _material(self, index: int, texture: TextureReader) -> Material:
         facts = self.document.materials[index]

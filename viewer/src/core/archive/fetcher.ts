@@ -30,6 +30,7 @@ export class ArchiveFetcher implements Source {
   readonly batchKeys = BATCH_KEYS;
   /** Servers tell of folders only. */
   readonly events = null;
+  readonly stream = null;
   readonly tag = null;
   private opened: Promise<Opened> | null = null;
   private readonly http = new Http();

@@ -1,5 +1,12 @@
 import { corrupt } from "../errors.js";
 import { isCount, isHash, isList, isObject, type Json } from "../limits.js";
+import { isPacked, unpack } from "../packed.js";
+import { DICTIONARY } from "./dictionary.js";
+import { claims } from "./draco.js";
+
+/** "FFGL". */
+const PACKED = { magic: 0x4c474646, largest: 1 << 30, name: "near geometry", dictionary: DICTIONARY };
+const DRACO = "KHR_draco_mesh_compression";
 
 const HEADER_BYTES = 20;
 const [GLTF, JSON_CHUNK] = [0x46546c67, 0x4e4f534a];
@@ -9,10 +16,21 @@ const TEXTURE = /^(\.\.\/){1,4}texture\/[0-9a-f]{16}$/;
 /** What near geometry has none of, and what a reader of glTF would walk, fetch or allocate for. */
 const NOTHING_OF = ["animations", "skins", "cameras", "extensions"];
 
+/** The GLB of a value; one from before they were packed is its own. Throws `corrupt`. */
+export function glbOf(value: Uint8Array, where: string): Uint8Array {
+  return isPacked(value, PACKED) ? unpack(value, PACKED, where) : value;
+}
+
+/** Whether primitives of a GLB that has been checked are compressed. */
+export function isCompressed(bytes: Uint8Array): boolean {
+  const length = new DataView(bytes.buffer, bytes.byteOffset).getUint32(12, true);
+  return new TextDecoder().decode(bytes.subarray(HEADER_BYTES, HEADER_BYTES + length)).includes(DRACO);
+}
+
 /**
  * Checks a GLB of the world (spec/world.md, Geometry of a leaf) before a general reader of glTF sees it: that reader would fetch any
  * address, follow nodes in a circle, and allocate for whatever an accessor claims. Then it takes at most 64 bytes for each byte of
- * the file. Throws `corrupt`.
+ * the file and for each vertex of compressed primitives, which are at most 16 for each byte. Throws `corrupt`.
  */
 export function checkGlb(bytes: Uint8Array, where: string): void {
   const fault = faultOf(bytes);
@@ -29,7 +47,8 @@ function faultOf(bytes: Uint8Array): string | null {
   if (!json) return "without JSON";
   const body = Math.max(0, bytes.length - HEADER_BYTES - length - 8);
   if (NOTHING_OF.some((name) => json[name] !== undefined)) return "more than near geometry";
-  return faultOfBytes(json, body) ?? faultOfMeshes(json) ?? faultOfInstances(json);
+  const data = bytes.subarray(bytes.length - body);
+  return faultOfBytes(json, body) ?? faultOfMeshes(json, data) ?? faultOfInstances(json);
 }
 
 function parse(text: Uint8Array): Json | null {
@@ -63,32 +82,45 @@ function faultOfBytes(json: Json, body: number): string | null {
   return accessors.every((accessor) => isWithin(accessor, views)) ? null : "an accessor";
 }
 
+/** One without a view is of a compressed primitive (isPrimitive). */
 function isWithin({ bufferView, byteOffset = 0, componentType, type, count, sparse }: Json, views: readonly Json[]): boolean {
   const width = (COMPONENT_BYTES[componentType as number] ?? NaN) * (WIDTH[type as string] ?? NaN);
   const view = views[bufferView as number];
+  if (bufferView === undefined) return sparse === undefined && isCount(count);
   if (!view || sparse !== undefined || byteOffset !== 0 || !isCount(count)) return false;
   const stride = (view["byteStride"] as number | undefined) ?? width;
   return stride >= width && count * stride <= (view["byteLength"] as number);
 }
 
 /** Meshes, images and nodes: one node deep, every attribute with as many rows, images only of the world. */
-function faultOfMeshes(json: Json): string | null {
+function faultOfMeshes(json: Json, body: Uint8Array): string | null {
   const [meshes, nodes, images] = [objects(json, "meshes"), objects(json, "nodes"), objects(json, "images")];
   if (!meshes || !nodes || !images) return "its lists";
   if (images.some(({ uri, bufferView }) => bufferView !== undefined || typeof uri !== "string" || !TEXTURE.test(uri))) return "an image";
   if (nodes.some((node) => ["children", "skin", "camera", "extensions"].some((name) => node[name] !== undefined))) return "a node";
-  const accessors = json["accessors"] as readonly Json[] | undefined;
+  const accessors = (json["accessors"] ?? []) as readonly Json[];
+  const views = (json["bufferViews"] ?? []) as readonly Json[];
   for (const mesh of meshes) {
     const primitives = objects(mesh, "primitives");
-    if (!primitives || primitives.length === 0 || !primitives.every((primitive) => isPrimitive(primitive, accessors ?? []))) return "a primitive";
+    if (!primitives || primitives.length === 0 || !primitives.every((one) => isPrimitive(one, accessors, views, body))) return "a primitive";
   }
   return null;
 }
 
-function isPrimitive({ attributes, indices, mode = 4, targets }: Json, accessors: readonly Json[]): boolean {
-  if (!isObject(attributes) || mode !== 4 || targets !== undefined || !accessors[indices as number]) return false;
-  const counts = Object.values(attributes).map((index) => accessors[index as number]?.["count"]);
-  return attributes["POSITION"] !== undefined && counts.every((count) => count !== undefined && count === counts[0]);
+function isPrimitive(
+  { attributes, indices, mode = 4, targets, extensions }: Json, accessors: readonly Json[], views: readonly Json[], body: Uint8Array,
+): boolean {
+  const corners = accessors[indices as number];
+  if (!isObject(attributes) || mode !== 4 || targets !== undefined || !corners) return false;
+  const own = Object.values(attributes).map((index) => accessors[index as number]);
+  const count = own[0]?.["count"];
+  if (attributes["POSITION"] === undefined || count === undefined || !own.every((accessor) => accessor?.["count"] === count)) return false;
+  const packed = isObject(extensions) ? extensions[DRACO] : undefined;
+  if (packed === undefined) return [...own, corners].every((accessor) => accessor!["bufferView"] !== undefined);
+  const view = isObject(packed) && isObject(packed["attributes"]) ? views[packed["bufferView"] as number] : undefined;
+  if (!view) return false;
+  const [begin, length] = [(view["byteOffset"] ?? 0) as number, view["byteLength"] as number];
+  return claims(body.subarray(begin, begin + length), count as number, (corners["count"] as number) / 3);
 }
 
 /** Instances: a matrix and an object id for each. */
@@ -102,7 +134,7 @@ function faultOfInstances(json: Json): string | null {
     if (!isList(listed, isObject)) return "its instances";
     for (const { mesh, transforms, objects: ids } of listed) {
       const [matrix, id] = [accessors[transforms as number], accessors[ids as number]];
-      const typed = matrix?.["type"] === "MAT4" && matrix["componentType"] === 5126 && id?.["type"] === "SCALAR" && id["componentType"] === 5125;
+      const typed = matrix?.["bufferView"] !== undefined && id?.["bufferView"] !== undefined && matrix["type"] === "MAT4" && matrix["componentType"] === 5126 && id["type"] === "SCALAR" && id["componentType"] === 5125;
       if (!isHash(mesh) || !typed || matrix["count"] !== id["count"]) return "an instance";
     }
   }

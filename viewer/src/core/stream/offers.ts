@@ -41,6 +41,8 @@ export function partsOf(share: number): number {
 export interface Offering<Item> {
   /** What there is to be seen. `seconds`: for which the prediction is believed. */
   boxes(prediction: Prediction, seconds: number): readonly Box[];
+  /** Factors of the benefit of each, after the last call (BEN 4.3). */
+  importance(outlook: Outlook): ArrayLike<number>;
   /** What is not there and could be, and how well objects are shown by what is. */
   offers(outlook: Outlook): { readonly offers: readonly Offer<Item>[]; readonly shown: readonly Shown[] };
 }

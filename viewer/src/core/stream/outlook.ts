@@ -25,6 +25,8 @@ export interface Outlook {
   /** Pixels of the bounding rectangle within the picture, mean of the interval. */
   readonly visible: Float64Array;
   readonly focal: number;
+  /** Of the whole picture. */
+  readonly pixels: number;
 }
 
 /** Seconds from the viewing on for which a prediction is believed. `far`: metres to the far plane. */
@@ -63,7 +65,7 @@ function sampled(prediction: Prediction, boxes: readonly Box[], bounds: readonly
   boxes.forEach((box, n) => {
     for (let k = 0; k < eyes.length; k++) visible[n * eyes.length + k] = rectangleOf(box, eyes[k]!, axes[k]!, focal, size).within;
   });
-  return { bounds, eyes, visible, focal };
+  return { bounds, eyes, visible, focal, pixels: size[0] * size[1] };
 }
 
 /** Objects look the same across the picture; how much of them is in it is integrated exactly (BEN 5.1.2). */
@@ -90,7 +92,7 @@ function turning(prediction: Prediction, boxes: readonly Box[], seconds: number)
       visible[n * INTERVALS + k] = (pixels * share) / (to - from);
     }
   });
-  return { bounds, eyes: new Array<Vector3>(INTERVALS).fill(eye), visible, focal };
+  return { bounds, eyes: new Array<Vector3>(INTERVALS).fill(eye), visible, focal, pixels: size[0] * size[1] };
 }
 
 /** The integral, from where an object is in the middle, of the share of it within the picture; radians. */

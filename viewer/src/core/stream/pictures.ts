@@ -1,9 +1,12 @@
 import type { Cell } from "../cell.js";
+import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, pixelWidth, type CellForm } from "../cellforms.js";
+import { MESH_FARTHEST } from "../indextile.js";
+import type { MeshForm } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
 import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
-import { pictureAccuracy } from "./accuracy.js";
+import { lossFrom, pictureAccuracy } from "./accuracy.js";
 import type { Prediction } from "./motion.js";
 import { partsOf, SHARES, type Offer, type Offering, type Shown, type Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
@@ -12,17 +15,79 @@ import type { Outlook } from "./outlook.js";
 const AHEAD = 8;
 /** Places on that way. */
 const STEPS = 4;
+/** Cells that are offered as one, at most. */
+const TOGETHER = 64;
+/** Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is; in a coarser one less. */
+const SHARP = 1;
+/** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces. */
+const FINE = 0.5;
+/** Importance of an instance beside that of a cell. */
+const OBJECTS = 8;
 
-/** Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it. */
-const INSIDE = 1 / 16;
-
-/** Pictures or geometry of a cell. */
+/** Pictures or geometry of a cell, or a mesh of instances. */
 export interface Part {
-  /** The first, of several leaves whose geometry shares meshes. */
+  /** The first, of several whose geometry shares meshes or images; of a mesh that in which most of it is seen. */
   readonly cell: Cell;
   readonly isGeometry: boolean;
+  /** Hash of the full mesh that it is a form of, placed by itself; null: it is none. */
+  readonly mesh: string | null;
+  /** All that it shows as geometry. */
+  readonly cells: readonly Cell[];
   /** What of it is still to come, best first. */
   readonly resources: readonly Resource[];
+}
+
+/** Geometry of a cell in one of its forms. */
+interface Formed {
+  readonly cell: Cell;
+  readonly form: CellForm;
+  readonly use: Use;
+  readonly lacks: readonly Lacking[];
+}
+
+/** An instance that may be seen, as an object of its own. */
+interface Placed {
+  /** Place in the list of cells of that which it lies in. */
+  readonly home: number;
+  readonly forms: readonly MeshForm[];
+  readonly bounds: Box;
+}
+
+/** Where an object will be seen from. */
+interface Seen {
+  /** Metres to it in each interval. */
+  readonly away: readonly number[];
+  /** Metres that a pixel is wide there. */
+  readonly widths: readonly number[];
+}
+
+/** An instance that will be seen. */
+interface PlacedRow {
+  readonly seen: Seen;
+  /** In which intervals the leaf that it lies in is near. */
+  readonly near: readonly boolean[];
+  /** The finest level that may be drawn from farther. */
+  readonly from: number;
+  readonly object: number;
+  readonly cell: Cell;
+  /** Square metres of the rectangle round it as it is seen from a side, at most. */
+  readonly side: number;
+  /** How much of it is seen, all intervals together. */
+  readonly pixels: number;
+}
+
+/** What of a form is not there. */
+interface Lacking {
+  readonly name: string;
+  readonly bytes: number;
+  /** Whether other cells' geometry may need it, too. */
+  readonly isShared: boolean;
+}
+
+/** A form of a mesh, and the instances that it shows. */
+interface MeshPart extends Part {
+  readonly form: MeshForm;
+  readonly uses: readonly Use[];
 }
 
 interface Found {
@@ -34,26 +99,32 @@ interface Found {
 export interface CellsView {
   readonly roots: readonly Cell[];
   readonly directions: ReadonlyMap<number, Direction>;
-  /** Metres between the pixels of a leaf's pictures. */
-  readonly pitch: number;
+  readonly grid: { readonly leafSize: number; readonly resolution: number };
   /** Metres from which a leaf is fine enough. */
   readonly radius: number;
   /** Leaves nearer than this are geometry. */
   readonly near: number;
   /** Near leaves are left out. */
   readonly farOnly: boolean;
+  /** Cells farther away are geometry too, in place of their pictures, where that shows more for its bytes. */
+  readonly farGeometry: boolean;
   readonly choice: ViewChoice;
+  /** Whether an image of near geometry is there. */
+  readonly holdsImage: (hash: string) => boolean;
   /** Tells what cannot be had. */
   readonly lacks: (resource: Resource) => boolean;
 }
 
 /**
- * Cells by their pictures and as geometry, and those above them, as things to fetch; the twin of `farfield.stream.pictures`. A cell
- * is offered by the first of the tiles that are wanted of it, as far as some shares of what all of them show.
+ * Cells by their pictures and as geometry, and those above them, and instances by their meshes, as things to fetch; the twin of
+ * `farfield.stream.pictures`. A cell is offered by the first of the tiles that are wanted of it, as far as some shares of what all of
+ * them show.
  */
 export class Pictures implements Offering<Part> {
   private cells: readonly Cell[] = [];
-  private useful: { pictures: ReadonlySet<Cell>; geometry: ReadonlySet<Cell> } = { pictures: new Set(), geometry: new Set() };
+  private placed: readonly Placed[] = [];
+  /** What is on its way, or has come and cannot be drawn yet, and would show something better, as of the last offers. */
+  coming: readonly Part[] = [];
 
   constructor(private readonly view: () => CellsView) {}
 
@@ -62,52 +133,143 @@ export class Pictures implements Offering<Part> {
     const way = Math.min(seconds, AHEAD);
     const eyes = Array.from({ length: STEPS }, (_, n) => prediction.eye((way * n) / (STEPS - 1)));
     this.cells = regions(this.view(), eyes);
-    return this.cells.map(({ bounds }) => bounds);
+    this.placed = this.instances();
+    return [...this.cells, ...this.placed].map(({ bounds }) => bounds);
+  }
+
+  /** Rectangles of cells overlap, and add up to several pictures; those of instances do not. */
+  importance({ visible, eyes, pixels }: Outlook): readonly number[] {
+    const ofCells = visible.subarray(0, this.cells.length * eyes.length).reduce((sum, one) => sum + one, 0);
+    const factor = OBJECTS * Math.max(ofCells / (pixels * eyes.length), 1);
+    return [...this.cells.map(() => 1), ...this.placed.map(() => factor)];
+  }
+
+  private instances(): Placed[] {
+    const { near, farOnly, farGeometry } = this.view();
+    if (near <= 0 || farOnly) return [];
+    return this.cells.flatMap((cell, home) => {
+      const below = farGeometry || cell.level === 0 ? instancesBelow(cell) : [];
+      return below.flatMap(({ forms, instances }) => instances.map(({ bounds }) => ({ home, forms, bounds })));
+    });
   }
 
   offers(outlook: Outlook): Found {
-    const { near, pitch, farOnly } = this.view();
-    const intervals = outlook.eyes.length;
+    const { near, farOnly } = this.view();
     const uses = new Map<Cell, Use[]>();
-    const geometry: [Cell, Use][] = [];
+    const geometry: Formed[] = [];
     this.cells.forEach((cell, object) => {
-      const away = outlook.eyes.map((eye) => distanceTo(cell.bounds, eye));
-      const inner = INSIDE * diagonalOf(cell.bounds) + 1e-9;
-      const own = outlook.visible.subarray(object * intervals, (object + 1) * intervals);
-      if (!own.some((pixels) => pixels > 0) || (farOnly && away.every((metres) => metres < near))) return;
-      for (let above: Cell | null = cell; above; above = above.parent) {
-        if (above.views.size === 0) continue;
-        const apart = outlook.focal * pitch * 2 ** above.level;
-        const accuracy = away.map((metres) => (farOnly && metres < near ? 0 : pictureAccuracy(apart / Math.max(metres, inner))));
-        const use = { object, accuracy };
-        uses.set(above, [...(uses.get(above) ?? []), use]);
-      }
-      if (!farOnly && cell.geometry && away.some((metres) => metres < near)) {
-        geometry.push([cell, { object, accuracy: away.map((metres) => (metres < near ? 1 : 0)) }]);
-      }
+      const seen = this.seenFrom(cell.bounds, object, outlook);
+      if (!seen || (farOnly && seen.away.every((metres) => metres < near))) return;
+      this.addChain(uses, cell, object, seen, false);
+      geometry.push(...this.geometryOf(cell, object, seen, outlook.eyes[0]!));
     });
-    this.useful = { pictures: new Set(uses.keys()), geometry: new Set(geometry.map(([cell]) => cell)) };
+    this.placed.forEach(({ home, bounds }, n) => {
+      const seen = this.seenFrom(bounds, this.cells.length + n, outlook);
+      if (seen) this.addChain(uses, this.cells[home]!, this.cells.length + n, seen, true);
+    });
+    const meshes = this.meshesOf(outlook);
+    this.coming = betterComing([
+      ...[...uses].map(([cell, shows]) => ({ ...pictureOf(cell, this.tilesOf(cell, outlook.eyes[0]!)), uses: shows })),
+      ...geometry.map(({ cell, form, use }) => ({ cell, isGeometry: true, mesh: null, cells: [cell], resources: form.resources, uses: [use] })),
+      ...meshes,
+    ]);
     const found: Found = { offers: [], shown: [] };
     for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
-    for (const [cell, shows] of geometry) this.addGeometry(found, cell, [shows], partsOfGeometry(cell));
-    const together = geometry.filter(([cell]) => !partsOfGeometry(cell).some(this.view().lacks));
-    const all = together.flatMap(([cell]) => partsOfGeometry(cell)).filter(({ state }) => state === "absent");
-    // Where they lack the same meshes, each for itself would pay for all of them.
-    if (new Set(all).size < all.length) this.addGeometry(found, together[0]![0], together.map(([, shows]) => shows), [...new Set(all)]);
+    for (const one of geometry) this.addGeometry(found, [one]);
+    this.addTogether(found, geometry, outlook);
+    for (const mesh of meshes) this.addMesh(found, mesh);
     return found;
   }
 
-  /** Whether pictures or geometry of a cell would show something, as of the last offers. */
-  isUseful({ cell, isGeometry }: Pick<Part, "cell" | "isGeometry">): boolean {
-    return this.useful[isGeometry ? "geometry" : "pictures"].has(cell);
+  /** Where an object will be seen from; null: it will not be. */
+  private seenFrom(bounds: Box, object: number, { visible, eyes, focal }: Outlook): Seen | null {
+    if (!visible.subarray(object * eyes.length, (object + 1) * eyes.length).some((pixels) => pixels > 0)) return null;
+    const away = eyes.map((eye) => distanceTo(bounds, eye));
+    return { away, widths: away.map((metres) => pixelWidth(bounds, metres, focal)) };
+  }
+
+  /**
+   * What a cell and all above it would show of an object in it: from link to link something is lost, and of instances sharpness, which
+   * their surroundings do not miss.
+   */
+  private addChain(uses: Map<Cell, Use[]>, cell: Cell, object: number, { away, widths }: Seen, isInstance: boolean): void {
+    const { near, farOnly } = this.view();
+    const { pitch } = this;
+    let accuracy = away.map((metres, k) => (farOnly && metres < near ? 0 : pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / widths[k]!)));
+    for (let above: Cell | null = cell; above; above = above.parent) {
+      const own = pitch * 2 ** above.level;
+      const shown = isInstance ? accuracy.map((one, k) => one * Math.min((SHARP * widths[k]!) / own, 1)) : accuracy;
+      const use = { object, accuracy: shown };
+      if (above.views.size > 0) uses.set(above, [...(uses.get(above) ?? []), use]);
+      const { loss, level } = above;
+      accuracy = accuracy.map((own, k) => own * (1 - lossFrom(loss, (pitch * 2 ** (level + 1)) / widths[k]!)));
+    }
+  }
+
+  private get pitch(): number {
+    const { leafSize, resolution } = this.view().grid;
+    return leafSize / resolution;
+  }
+
+  /** Forms of a near leaf, and of what is farther as long as its pictures are not there. */
+  private geometryOf(cell: Cell, object: number, { away, widths }: Seen, eye: Vector3): Formed[] {
+    const { near, farOnly, farGeometry, grid } = this.view();
+    if (near <= 0) return [];
+    const isNear = away.map((metres) => cell.level === 0 && metres < near);
+    const isEverNear = isNear.some(Boolean);
+    if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
+    let isWhole: boolean | null = null;
+    return formsOf(cell, grid.resolution).flatMap((form) => {
+      const isFar = farGeometry && form.far;
+      const accuracy = away.map((metres, k) => {
+        const may = isNear[k] ? !farOnly : isFar && isWithinReach(metres, grid.leafSize);
+        return may ? 1 - errorAt(form, this.pitch, widths[k]!) : 0;
+      });
+      if (!accuracy.some((one) => one > 0)) return [];
+      // Whose pictures are there is not sent its geometry as well, until it is near.
+      if (!isEverNear || farOnly) isWhole ??= this.heldShare(cell, eye) >= 1 - 1e-6;
+      const lacks = this.lacking(form.resources, form.images);
+      // What is placed in a cell that is farther comes first, level by level.
+      const comes = !isWhole && (isEverNear || form.listed.every(({ state }) => state !== "absent"));
+      return !comes && lacks.length > 0 ? [] : [{ cell, form, use: { object, accuracy }, lacks }];
+    });
+  }
+
+  private heldShare(cell: Cell, eye: Vector3): number {
+    const tiles = this.tilesOf(cell, eye);
+    const shares = sharesOf(cell, tiles, eye);
+    return tiles.reduce((sum, { state }, n) => sum + (state === "absent" || state === "bad" ? 0 : shares[n]!), 0);
+  }
+
+  /**
+   * Geometry of several cells as one, level by level, where they lack the same: each alone would pay for it. Of those that are seen
+   * largest, then of twice as many, up to TOGETHER.
+   */
+  private addTogether(found: Found, geometry: readonly Formed[], { visible, eyes }: Outlook): void {
+    const pixels = (object: number): number => visible.subarray(object * eyes.length, (object + 1) * eyes.length).reduce((sum, one) => sum + one, 0);
+    for (let level = 0; level <= Math.max(...geometry.map(({ form }) => form.level)); level++) {
+      const own = geometry
+        .filter(({ form }) => form.level === level && !form.resources.some(this.view().lacks))
+        .map((one) => ({ one, lacks: one.lacks.filter(({ isShared }) => isShared), seen: pixels(one.use.object) }))
+        .filter(({ lacks }) => lacks.length > 0);
+      const all = own.flatMap(({ lacks }) => lacks);
+      if (new Set(all.map(({ name }) => name)).size === all.length) continue;
+      const sorted = [...own].sort((a, b) => b.seen - a.seen).slice(0, TOGETHER).map(({ one }) => one);
+      for (let count = 2; count / 2 < sorted.length; count *= 2) this.addGeometry(found, sorted.slice(0, count));
+    }
+  }
+
+  private tilesOf(cell: Cell, eye: Vector3): readonly Resource[] {
+    const { directions, choice } = this.view();
+    return tilesWanted(cell, directions, eye, choice);
   }
 
   /** Offers what is not there of a cell's tiles, in steps, as far as it can be had; takes note of what is. */
   private addPictures({ offers, shown }: Found, cell: Cell, eye: Vector3, uses: readonly Use[]): void {
-    const { directions, choice, lacks } = this.view();
-    const tiles = tilesWanted(cell, directions, eye, choice);
+    const { lacks } = this.view();
+    const tiles = this.tilesOf(cell, eye);
     const shares = sharesOf(cell, tiles, eye);
-    const held = tiles.reduce((sum, { state }, n) => sum + (state === "absent" || state === "bad" ? 0 : shares[n]!), 0);
+    const held = this.heldShare(cell, eye);
     if (partsOf(held) > 0) shown.push(...uses.map((use) => ({ ...use, parts: partsOf(held) })));
     const absent = tiles.filter((tile) => tile.state === "absent" && !lacks(tile));
     const series = {};
@@ -118,25 +280,110 @@ export class Pictures implements Offering<Part> {
       count = resources.length;
       const whole = count === absent.length && absent.length === tiles.filter(({ state }) => state === "absent").length;
       const parts = partsOf(whole ? 1 : resources.reduce((sum, tile) => sum + shares[tiles.indexOf(tile)]!, held));
-      offers.push({ item: { cell, isGeometry: false, resources }, size: bytesOf(resources), uses, parts, series });
+      offers.push({ item: pictureOf(cell, resources), size: bytesOf(resources), uses, parts, series });
     }
   }
 
-  /** Offers what is not there of the geometry of leaves, unless a part of it cannot be had: it is all or nothing. */
-  private addGeometry({ offers, shown }: Found, cell: Cell, uses: readonly Use[], all: readonly Resource[]): void {
+  /** Offers what is not there of the geometry of cells, unless a part of it cannot be had: it is all or nothing. */
+  private addGeometry({ offers, shown }: Found, formed: readonly Formed[]): void {
+    const all = [...new Set(formed.flatMap(({ form }) => form.resources))];
     if (all.some(this.view().lacks)) return;
+    const lacking = new Map(formed.flatMap(({ lacks }) => lacks).map(({ name, bytes }) => [name, bytes]));
+    const uses = formed.map(({ use }) => use);
+    const cells = formed.map(({ cell }) => cell);
     const resources = all.filter(({ state }) => state === "absent");
-    if (resources.length === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
-    else offers.push({ item: { cell, isGeometry: true, resources }, size: bytesOf(resources), uses, parts: SHARES.length, series: {} });
+    const size = [...lacking.values()].reduce((sum, bytes) => sum + bytes, 0);
+    if (lacking.size === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
+    else offers.push({ item: { cell: cells[0]!, isGeometry: true, mesh: null, cells, resources }, size, uses, parts: SHARES.length, series: {} });
+  }
+
+  /**
+   * Levels of the meshes of instances that will be seen: sent once, placed many times. Where all pictures are there, instances are
+   * drawn by these.
+   */
+  private meshesOf(outlook: Outlook): MeshPart[] {
+    const { near, farGeometry, grid } = this.view();
+    const { eyes, visible } = outlook;
+    const isNear = (cell: Cell, metres: number): boolean => cell.level === 0 && cell.geometry !== null && metres < near;
+    const homes = this.cells.map((cell) => ({ cell, away: eyes.map((eye) => distanceTo(cell.bounds, eye)) }));
+    const isWhole = new Map<Cell, boolean>();
+    const byMesh = new Map<readonly MeshForm[], PlacedRow[]>();
+    this.placed.forEach(({ home, forms, bounds }, n) => {
+      const object = this.cells.length + n;
+      const seen = this.seenFrom(bounds, object, outlook);
+      if (!seen) return;
+      const { cell, away } = homes[home]!;
+      const near = away.map((metres) => isNear(cell, metres));
+      if (!isWhole.has(cell)) isWhole.set(cell, !near.some(Boolean) && this.heldShare(cell, eyes[0]!) >= 1 - 1e-6);
+      if (isWhole.get(cell)) return;
+      const pixels = visible.subarray(object * eyes.length, (object + 1) * eyes.length).reduce((sum, one) => sum + one, 0);
+      const rows = byMesh.get(forms) ?? [];
+      rows.push({ seen, near, from: farGeometry ? finestAfar(cell, grid.resolution) : Infinity, object, cell, pixels, side: sideOf(bounds) });
+      byMesh.set(forms, rows);
+    });
+    const pitch = grid.leafSize / grid.resolution;
+    return [...byMesh].flatMap(([forms, rows]) => {
+      const { cell } = rows.reduce((most, row) => (row.pixels > most.pixels ? row : most));
+      return forms.map((form) => {
+        const uses = rows.map(({ seen, near, from, object, side }) => {
+          const isFar = from < Infinity && form.level >= Math.min(from, forms.length - 1);
+          const looks = (width: number): number => (1 - FINE) * (1 - errorAt(form, pitch, width, MESH_FARTHEST)) + FINE * fineness(side / width ** 2, form, forms[0]!);
+          return { object, accuracy: seen.widths.map((width, k) => (near[k] || isFar ? looks(width) : 0)) };
+        });
+        return { cell, isGeometry: true, mesh: forms[0]!.entry.hash, cells: [], resources: [form.mesh], form, uses };
+      });
+    });
+  }
+
+  /** Offers a form of a mesh that is not there, as far as it can be had. */
+  private addMesh({ offers, shown }: Found, { form, uses, resources, ...part }: MeshPart): void {
+    if (this.view().lacks(form.mesh)) return;
+    const lacks = this.lacking(resources, form.images);
+    const size = lacks.reduce((sum, { bytes }) => sum + bytes, 0);
+    if (lacks.length === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
+    else offers.push({ item: { ...part, resources: resources.filter(({ state }) => state === "absent") }, size, uses, parts: SHARES.length, series: {} });
+  }
+
+  /** What of a form is not there, its images too, by name. */
+  private lacking(all: readonly Resource[], images: ReadonlyMap<string, number>): Lacking[] {
+    const resources = all.filter(({ state }) => state === "absent");
+    const absent = [...images].filter(([hash]) => !this.view().holdsImage(hash));
+    return [
+      ...resources.map(({ key, bytes, kind }) => ({ name: key, bytes, isShared: kind === "mesh" })),
+      ...absent.map(([hash, bytes]) => ({ name: hash, bytes, isShared: true })),
+    ];
   }
 }
 
-function partsOfGeometry({ geometry }: Cell): readonly Resource[] {
-  return [geometry!.leaf, ...geometry!.meshes];
+/** As the thesis has it, of a form that takes `area` pixels (BEN 4.1); the twin of `level_accuracy`. */
+function fineness(area: number, form: MeshForm, full: MeshForm): number {
+  return Math.sqrt(Math.max(area / full.entry.triangles, 1) / Math.max(area / form.entry.triangles, 1));
 }
 
-function diagonalOf({ lower, upper }: Box): number {
-  return Math.hypot(upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]);
+function sideOf({ lower, upper }: Box): number {
+  return Math.hypot(upper[0] - lower[0], upper[1] - lower[1]) * (upper[2] - lower[2]);
+}
+
+function pictureOf(cell: Cell, resources: readonly Resource[]): Part {
+  return { cell, isGeometry: false, mesh: null, cells: [], resources };
+}
+
+/** What is coming of parts that show an object better than those that are there. */
+function betterComing(parts: readonly (Part & { readonly uses: readonly Use[] })[]): Part[] {
+  const best = new Map<number, number>();
+  for (const { resources, uses } of parts) {
+    if (resources.length === 0 || !resources.every(({ held }) => held)) continue;
+    for (const { object, accuracy } of uses) best.set(object, Math.max(best.get(object) ?? 0, accuracy[0]!));
+  }
+  const isBetter = ({ object, accuracy }: Use): boolean => accuracy[0]! > (best.get(object) ?? 0);
+  return parts.flatMap(({ cell, isGeometry, mesh, cells, resources, uses }) => {
+    const coming = resources.filter(isComing);
+    return coming.length > 0 && uses.some(isBetter) ? [{ cell, isGeometry, mesh, cells, resources: coming }] : [];
+  });
+}
+
+function isComing({ state }: Resource): boolean {
+  return state === "loading" || state === "fetched" || state === "ready";
 }
 
 function bytesOf(resources: readonly Resource[]): number {

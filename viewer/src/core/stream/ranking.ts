@@ -1,13 +1,13 @@
 import type { Cell } from "../cell.js";
 import { seesBox, type Frustum } from "../frustum.js";
-import type { Resource, ResourceState } from "../resource.js";
+import type { Resource } from "../resource.js";
 import type { Sizes } from "../sizes.js";
-import { farthestIn, type Vector3 } from "../vector.js";
+import { distanceTo, farthestIn, type Vector3 } from "../vector.js";
 import { byUrgency, isNeeded, URGENCY, type Want } from "../wants.js";
 import type { Link } from "./link.js";
 import type { Viewing } from "./motion.js";
 import { Pictures, type CellsView, type Part } from "./pictures.js";
-import { Scheduler, type Choice } from "./scheduler.js";
+import { Scheduler } from "./scheduler.js";
 
 /** Share of the cache up to which what stands in is fetched for the picture: then it and the picture fit together. */
 const ROOM_TO_STAND_IN = 0.7;
@@ -21,15 +21,12 @@ export interface RankedView extends CellsView {
   readonly frustum: Frustum;
 }
 
-/** A want, and what it is a part of. */
-interface Ranked extends Want {
-  readonly part: Part;
-}
-
 /** Puts what is wanted in the order in which it adds most to the pictures to come for the time that it takes (BEN 5). */
 export class Ranking {
   private view: RankedView | null = null;
-  private ranked: ReadonlyMap<Resource, Ranked> = new Map();
+  private ranked: ReadonlyMap<Resource, Want> = new Map();
+  /** Cells whose geometry comes in place of their pictures. */
+  private replaced: ReadonlySet<Cell | null> = new Set();
   private rankedAt = -Infinity;
   private readonly pictures = new Pictures(() => this.view!);
   private readonly scheduler: Scheduler<Part>;
@@ -47,7 +44,7 @@ export class Ranking {
     const needed = [...wants, ...ranked.values()].filter(({ urgency }) => isNeeded(urgency));
     const bytes = [...new Set(needed.map(({ resource }) => resource))].reduce((sum, resource) => sum + this.sizes.of(resource), 0);
     const fits = bytes <= budget * ROOM_TO_STAND_IN;
-    const found = wants.map((want) => {
+    const found = wants.filter(({ resource }) => ranked.has(resource) || resource.kind !== "orthoview" || !this.replaced.has(resource.cell)).map((want) => {
       const own = ranked.get(want.resource);
       if (isNeeded(want.urgency)) return { ...want, urgency: URGENCY.seen, ...(own && { rank: own.rank! }) };
       return own && (fits || !isNeeded(own.urgency)) && own.urgency <= want.urgency ? own : want;
@@ -59,20 +56,22 @@ export class Ranking {
   private choose(viewing: Viewing): void {
     this.rankedAt = viewing.time;
     this.scheduler.follow(viewing, viewing.time);
+    const ranked = new Map<Resource, Want>();
+    const replaced = new Set<Cell | null>();
     // What is under way is chosen no more, and is wanted as long as it is of use: given up and asked for anew it would come later.
-    const ranked = new Map<Resource, Ranked>();
-    for (const [resource, want] of this.ranked) {
-      if (isComing(resource.state) && this.pictures.isUseful(want.part)) ranked.set(resource, { ...want, urgency: this.urgencyOf(want.part.cell) });
+    // And a server may have chosen it.
+    for (const part of [...this.pictures.coming, ...this.scheduler.order(viewing.time, RANKED).map(({ offer }) => offer.item)]) {
+      this.enlist(part, ranked);
+      for (const cell of part.cells) if (distanceTo(cell.box, viewing.eye) >= this.view!.near) replaced.add(cell);
     }
-    for (const choice of this.scheduler.order(viewing.time, RANKED)) this.enlist(choice, ranked);
     this.ranked = ranked;
+    this.replaced = replaced;
   }
 
-  private enlist({ offer: { item: part } }: Choice<Part>, ranked: Map<Resource, Ranked>): void {
-    const { cell, resources } = part;
+  private enlist({ cell, resources }: Part, ranked: Map<Resource, Want>): void {
     const urgency = this.urgencyOf(cell);
     for (const resource of resources) {
-      if (!ranked.has(resource)) ranked.set(resource, { resource, part, urgency, rank: ranked.size, distance: 0, level: cell.level });
+      if (!ranked.has(resource)) ranked.set(resource, { resource, urgency, rank: ranked.size, distance: 0, level: cell.level });
     }
   }
 
@@ -84,8 +83,4 @@ export class Ranking {
     const { roots, eye } = this.view!;
     return roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 1);
   }
-}
-
-function isComing(state: ResourceState): boolean {
-  return state === "loading" || state === "fetched" || state === "ready";
 }

@@ -1,13 +1,16 @@
 import { MotionPredictor, type Viewing } from "./motion.js";
-import { SHARES, type Offer, type Offering } from "./offers.js";
+import { SHARES, type Offer, type Offering, type Use } from "./offers.js";
+import { bestTotals } from "./orders.js";
 import { cutoff, look, type Outlook } from "./outlook.js";
 
 /** An object that shows something is changed for a gain of more than this only: changes are seen (BEN 4.2). */
 const STEADY = 0.02;
 /** Share of the cases in which a viewer does something else than it is expected to. */
 const OTHERWISE = 0.1;
-/** Items, those that add most, that the best for its time is compared with. */
-const RIVALS = 4;
+/** Items, those that add most for their time and as many that add most, of which all orders are compared. */
+const LEADERS = 3;
+/** By which another order must be better than that with the best for its time first: less is rounding. */
+const BETTER = 1 + 1e-4;
 /** Seconds that an item takes besides its bytes. */
 const OVERHEAD = 0.002;
 const PARTS = SHARES.length;
@@ -36,13 +39,17 @@ export interface LinkEstimate {
 /** Chooses what to fetch next, by what it adds for the time it takes (BEN 5); the twin of `farfield.stream.scheduler`. */
 export class Scheduler<Item> {
   readonly predictor = new MotionPredictor();
-  private outlook: Outlook = { bounds: [0, 0], eyes: [], visible: new Float64Array(), focal: 1 };
+  private outlook: Outlook = { bounds: [0, 0], eyes: [], visible: new Float64Array(), focal: 1, pixels: 1 };
   private offers: readonly Offer<Item>[] = [];
+  /** Pixels of each object in each interval, times its importance. */
+  private visible = new Float64Array();
   private held = new Float64Array();
   private benefits = new Float64Array();
   private rates = new Float64Array();
   private seconds = new Float64Array();
   private sizes = new Float64Array();
+  /** Of the uses that were asked for, by object: a cell's are those of all its steps. */
+  private readonly accuracies = new WeakMap<readonly Use[], ReadonlyMap<number, readonly number[]>>();
   private open: boolean[] = [];
   /** Nothing that is left would be there in time. */
   private late = false;
@@ -64,6 +71,8 @@ export class Scheduler<Item> {
     this.outlook = look(prediction, boxes, now, far, OTHERWISE);
     const { offers, shown } = this.offering.offers(this.outlook);
     const intervals = this.outlook.bounds.length - 1;
+    const importance = this.offering.importance(this.outlook);
+    this.visible = this.outlook.visible.map((pixels, place) => pixels * importance[Math.floor(place / intervals)]!);
     this.held = new Float64Array(boxes.length * intervals * PARTS);
     for (const { object, accuracy, parts } of shown) this.raise(object, accuracy, parts);
     this.offers = offers;
@@ -85,7 +94,7 @@ export class Scheduler<Item> {
     if (this.offers.length === 0) return null;
     const before = this.before(now);
     let best = this.leading(before);
-    if (this.rates[best]! > 0 && !this.late) best = this.exchanged(best, before);
+    if (this.rates[best]! > 0 && !this.late) best = this.first(best, before);
     else if (!this.late) {
       this.late = true;
       this.renewAll(before);
@@ -136,7 +145,7 @@ export class Scheduler<Item> {
 
   /** Pixel seconds that an item adds to what is there, from its arrival to the cut-off: the added-benefit integral (BEN 5). */
   private added(n: number, arrival: number): number {
-    const { bounds, visible } = this.outlook;
+    const { bounds } = this.outlook;
     const { uses, parts } = this.offers[n]!;
     const intervals = bounds.length - 1;
     let total = 0;
@@ -149,7 +158,7 @@ export class Scheduler<Item> {
         for (let part = 0; part < parts; part++) {
           const held = this.held[place * PARTS + part]!;
           const gain = accuracy[k]! - held;
-          if (gain > STEADY || (gain > 0 && held === 0)) added += gain * WEIGHTS[part]! * visible[place]!;
+          if (gain > STEADY || (gain > 0 && held === 0)) added += gain * WEIGHTS[part]! * this.visible[place]!;
         }
       }
       total += added * (bounds[k + 1]! - begin);
@@ -158,24 +167,69 @@ export class Scheduler<Item> {
   }
 
   /**
-   * The best for its time, or an item for which it can wait: a large one that is seen for a short time only. Of two that show
-   * different objects the first is the one with which both add more; they take as long either way.
+   * The best for its time, or an item for which it can wait: a large one that is seen for a short time only. It is the first of the
+   * best order of the items that lead.
    */
-  private exchanged(best: number, before: number): number {
-    const rivals = largestOf(this.benefits, RIVALS);
-    for (const rival of rivals) this.renew(rival, before);
-    for (const rival of rivals.sort((a, b) => this.benefits[b]! - this.benefits[a]! || a - b)) {
-      if (this.benefits[rival]! <= this.benefits[best]! || this.share(best, rival)) continue;
-      const after = before + this.seconds[best]! + this.seconds[rival]!;
-      if (this.benefits[rival]! + this.added(best, after) > this.benefits[best]! + this.added(rival, after)) best = rival;
-    }
-    return best;
+  private first(best: number, before: number): number {
+    const items = this.leaders(best, before);
+    const ordered = items.map((item) => ({ seconds: this.seconds[item]!, gains: this.gainsBeside(item, items) }));
+    const totals = bestTotals(ordered, before, this.outlook.bounds);
+    let first = 0;
+    totals.forEach((total, n) => {
+      if (total > totals[first]! * BETTER) first = n;
+    });
+    return items[first]!;
   }
 
-  /** Whether two items show a common object. */
-  private share(one: number, other: number): boolean {
-    const objects = new Set(this.offers[one]!.uses.map(({ object }) => object));
-    return this.offers[other]!.uses.some(({ object }) => objects.has(object));
+  /** The best for its time first, then others that lead; of a series one alone. */
+  private leaders(best: number, before: number): number[] {
+    const found = new Map([[this.offers[best]!.series, best]]);
+    for (const item of [...largestOf(this.rates, LEADERS), ...largestOf(this.benefits, LEADERS)]) {
+      const { series } = this.offers[item]!;
+      if (!found.has(series)) found.set(series, item);
+    }
+    const items = [...found.values()];
+    for (const item of items) this.renew(item, before);
+    return items.filter((item) => this.benefits[item]! > 0);
+  }
+
+  /** Pixels that an item adds in each interval beside each of some, and alone. */
+  private gainsBeside(item: number, items: readonly number[]): Float64Array[] {
+    const alone = this.gains(item, null);
+    const { uses } = this.offers[item]!;
+    return items.map((other) => {
+      const beside = this.byObject(other);
+      return other !== item && uses.some(({ object }) => beside.has(object)) ? this.gains(item, other) : alone;
+    });
+  }
+
+  private gains(item: number, other: number | null): Float64Array {
+    const gains = new Float64Array(this.outlook.bounds.length - 1);
+    const { uses, parts } = this.offers[item]!;
+    for (const { object, accuracy } of uses) {
+      const beside = other === null ? undefined : this.byObject(other).get(object);
+      const shown = beside ? this.offers[other!]!.parts : 0;
+      for (let k = 0; k < gains.length; k++) {
+        const place = object * gains.length + k;
+        let added = 0;
+        for (let part = 0; part < parts; part++) {
+          const held = this.held[place * PARTS + part]!;
+          const best = part < shown ? Math.max(held, beside![k]!) : held;
+          const gain = accuracy[k]! - best;
+          if (gain > STEADY || (gain > 0 && best === 0)) added += gain * WEIGHTS[part]!;
+        }
+        gains[k]! += added * this.visible[place]!;
+      }
+    }
+    return gains;
+  }
+
+  /** The accuracy of an item in each interval, by what it shows. */
+  private byObject(item: number): ReadonlyMap<number, readonly number[]> {
+    const { uses } = this.offers[item]!;
+    let found = this.accuracies.get(uses);
+    if (!found) this.accuracies.set(uses, (found = new Map(uses.map(({ object, accuracy }) => [object, accuracy]))));
+    return found;
   }
 
   private take(n: number, before: number): Choice<Item> {

@@ -1,25 +1,35 @@
 import { Mesh, type BufferGeometry, type Group, type RawShaderMaterial } from "three";
 import type { Cell, CellGeometry } from "../../core/cell.js";
 import type { Grid } from "../../core/grid.js";
+import type { InstancesDraw } from "../../core/plan.js";
 import type { Vector3 } from "../../core/vector.js";
 import type { LightUniforms } from "../light.js";
 import type { Viewpoint } from "../viewpoint.js";
-import { InstancedModel, type DrawnLeaf } from "./instances.js";
+import { ClippedModel, type DrawnLeaf } from "./instances.js";
 import { LeafLookup } from "./leaflookup.js";
 import { NearMaterials } from "./materials.js";
 import type { NearModel, NearPart } from "./model.js";
+import { PlacedInstances } from "./placed.js";
 
 type LeafMesh = Mesh<BufferGeometry, RawShaderMaterial>;
 
-/** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. */
+/** What of a plan is drawn as geometry. */
+export interface NearDraws {
+  readonly leaves: readonly CellGeometry[];
+  /** By themselves. */
+  readonly instances: readonly InstancesDraw[];
+}
+
+/** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. Others by themselves. */
 export class NearGeometry {
-  /** Triangles drawn last. */
-  triangles = 0;
   private readonly materials: NearMaterials;
   private readonly lookup = new LeafLookup();
   private readonly leaves = new Map<NearModel, LeafMesh[]>();
-  private readonly instanced = new Map<string, InstancedModel>();
+  private readonly instanced = new Map<string, ClippedModel>();
+  private readonly placed: PlacedInstances;
   private drawn: DrawnLeaf[] = [];
+  /** Of leaves and what is clipped to them. */
+  private ownTriangles = 0;
 
   constructor(
     private readonly group: Group,
@@ -27,12 +37,19 @@ export class NearGeometry {
     light: LightUniforms,
   ) {
     this.materials = new NearMaterials(light, grid.leafSize);
+    this.placed = new PlacedInstances(group, this.materials);
   }
 
-  /** Takes the leaves to be drawn. */
-  set(leaves: readonly CellGeometry[], viewpoint: Viewpoint, sun: Vector3): void {
+  /** Triangles drawn last. */
+  get triangles(): number {
+    return this.ownTriangles + this.placed.triangles;
+  }
+
+  /** Takes what is to be drawn. */
+  set({ leaves, instances }: NearDraws, viewpoint: Viewpoint, sun: Vector3): void {
     this.materials.set(viewpoint, sun);
-    const drawn = leaves.map(({ leaf }) => ({ cell: leaf.cell!, model: leaf.payload as NearModel }));
+    this.placed.set(instances, viewpoint.eye);
+    const drawn = leaves.map(({ leaf, level }) => ({ cell: leaf.cell!, model: leaf.payload as NearModel, level }));
     if (!sameLeaves(drawn, this.drawn) || this.meshesChanged(leaves)) this.change(drawn, leaves, viewpoint.eye);
     for (const { cell, model } of drawn) {
       const [x, y, z] = [0, 1, 2].map((a) => cell.box.lower[a]! - viewpoint.eye[a]!);
@@ -47,6 +64,7 @@ export class NearGeometry {
 
   /** Forgets a model that is about to be dropped. */
   forget(model: NearModel): void {
+    this.placed.forget(model);
     for (const mesh of this.leaves.get(model) ?? []) this.remove(mesh);
     this.leaves.delete(model);
     this.drawn = this.drawn.filter((leaf) => leaf.model !== model);
@@ -65,6 +83,7 @@ export class NearGeometry {
   dispose(): void {
     for (const model of [...this.leaves.keys()]) this.forget(model);
     for (const model of this.instanced.values()) model.dispose();
+    this.placed.dispose();
     this.lookup.dispose();
   }
 
@@ -77,7 +96,7 @@ export class NearGeometry {
   private change(drawn: DrawnLeaf[], leaves: readonly CellGeometry[], eye: Vector3): void {
     this.drawn = drawn;
     const cells = drawn.map(({ cell }) => cell);
-    this.lookup.set(cells);
+    this.lookup.set(drawn);
     this.materials.leaves.value = this.lookup.texture;
     for (const { model } of drawn) if (!this.leaves.has(model)) this.leaves.set(model, this.makeLeaf(model));
     const visible = new Set(drawn.map(({ model }) => model));
@@ -85,7 +104,7 @@ export class NearGeometry {
     for (const { key, payload } of leaves.flatMap(({ meshes }) => meshes)) this.makeInstanced(hashOf(key), payload as NearModel);
     const anchor = anchorOf(cells, eye);
     for (const model of this.instanced.values()) model.place(drawn, anchor);
-    this.triangles = this.countTriangles();
+    this.ownTriangles = this.countTriangles();
   }
 
   private makeLeaf(model: NearModel): LeafMesh[] {
@@ -102,7 +121,7 @@ export class NearGeometry {
     const known = this.instanced.get(hash);
     if (known?.isOf(model)) return;
     known?.dispose();
-    this.instanced.set(hash, new InstancedModel(this.group, hash, model, this.materials));
+    this.instanced.set(hash, new ClippedModel(this.group, hash, model, this.materials));
   }
 
   private remove(mesh: LeafMesh): void {

@@ -2,31 +2,31 @@ import { DynamicDrawUsage, InstancedBufferAttribute, InstancedMesh, type Group, 
 import type { Cell } from "../../core/cell.js";
 import type { Vector3 } from "../../core/vector.js";
 import type { NearMaterials } from "./materials.js";
-import type { NearModel } from "./model.js";
+import type { NearModel, NearPart } from "./model.js";
 
 /** A leaf that is drawn as geometry. */
 export interface DrawnLeaf {
   readonly cell: Cell;
   readonly model: NearModel;
+  readonly level: number;
 }
 
-/** Instances of one shared mesh: a draw call a part, clipped to the leaves that are drawn as geometry. */
+/** Instances of one shared mesh: a draw call a part. */
 export class InstancedModel {
   /** Instances placed last. */
   count = 0;
   readonly triangles: number;
-  private readonly meshes: InstancedMesh<BufferGeometry, RawShaderMaterial>[];
+  protected readonly meshes: readonly InstancedMesh<BufferGeometry, RawShaderMaterial>[];
   private anchor: Vector3 = [0, 0, 0];
 
   constructor(
     private readonly group: Group,
-    private readonly hash: string,
     private readonly model: NearModel,
-    materials: NearMaterials,
+    materialOf: (part: NearPart) => RawShaderMaterial,
   ) {
     this.triangles = model.parts.reduce((sum, part) => sum + part.triangles, 0);
     this.meshes = model.parts.map((part) => {
-      const mesh = new InstancedMesh(part.geometry, materials.make(part, "instanced"), 1);
+      const mesh = new InstancedMesh(part.geometry, materialOf(part), 1);
       mesh.frustumCulled = false;
       mesh.matrixAutoUpdate = mesh.matrixWorldAutoUpdate = false;
       group.add(mesh);
@@ -39,10 +39,9 @@ export class InstancedModel {
     return this.model === model;
   }
 
-  /** Places the instances that reach into the leaves, each once. */
-  place(leaves: readonly DrawnLeaf[], anchor: Vector3): void {
+  /** Places exactly these instances: (16, n) columns first, to what lies about the anchor. */
+  put(chosen: Float32Array, anchor: Vector3): void {
     this.anchor = anchor;
-    const chosen = collect(leaves, this.hash, anchor);
     this.count = chosen.length / 16;
     for (const mesh of this.meshes) {
       if (mesh.instanceMatrix.count < this.count) {
@@ -69,6 +68,26 @@ export class InstancedModel {
       mesh.material.dispose();
       mesh.dispose();
     }
+  }
+}
+
+/** The same of a mesh that leaves drawn as geometry name, clipped to those that are drawn at the levels it is of. */
+export class ClippedModel extends InstancedModel {
+  constructor(
+    group: Group,
+    private readonly hash: string,
+    model: NearModel,
+    materials: NearMaterials,
+  ) {
+    super(group, model, (part) => materials.make(part, "clipped"));
+  }
+
+  /** Places the instances that reach into the leaves, each once. */
+  place(leaves: readonly DrawnLeaf[], anchor: Vector3): void {
+    const own = leaves.filter(({ model }) => model.placements.some(({ mesh }) => mesh === this.hash));
+    const levels = own.reduce((bits, { level }) => bits | (1 << level), 0);
+    for (const { material } of this.meshes) material.uniforms["levels"]!.value = levels;
+    this.put(collect(own, this.hash, anchor), anchor);
   }
 }
 

@@ -36,14 +36,18 @@ export class NearMaterials {
     this.shared.near.value = near;
   }
 
-  /** kind: of a leaf, whose place is only a shift; of a mesh that is placed many times; or of an object that moves and turns. */
-  make({ surface, geometry }: NearPart, kind: "leaf" | "instanced" | "moving"): RawShaderMaterial {
+  /**
+   * kind: of a leaf, whose place is only a shift; of a mesh that is placed many times, clipped to leaves or whole; or of an object that
+   * moves and turns.
+   */
+  make({ surface, geometry }: NearPart, kind: "leaf" | "clipped" | "placed" | "moving"): RawShaderMaterial {
     const defines: Record<string, string> = {};
     if (surface.map) defines["TEXTURED"] = "";
     if (surface.cutoff > 0) defines["CUT_OUT"] = "";
     if (surface.colored) defines["COLORED"] = "";
     if (surface.unlit) defines["UNLIT"] = "";
-    if (kind === "instanced") defines["INSTANCED"] = "";
+    if (kind === "clipped" || kind === "placed") defines["INSTANCED"] = "";
+    if (kind === "clipped") defines["CLIPPED"] = "";
     if (kind === "moving") defines["MOVING"] = "";
     if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();
     const lookup = { leaves: this.leaves, leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
@@ -60,7 +64,7 @@ export class NearMaterials {
       uniforms: {
         ...this.shared,
         ...this.light,
-        ...(kind === "instanced" ? lookup : {}),
+        ...(kind === "clipped" ? { ...lookup, levels: { value: 0 } } : {}),
         map: { value: surface.map },
         factor: { value: new Vector4(...surface.factor) },
         cutoff: { value: surface.cutoff },

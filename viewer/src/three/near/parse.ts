@@ -1,7 +1,8 @@
-import type { BufferAttribute, BufferGeometry, Material, Mesh, MeshBasicMaterial, MeshStandardMaterial, Object3D, Texture } from "three";
+import { BufferAttribute, type BufferGeometry, type Material, type Mesh, type MeshBasicMaterial, type MeshStandardMaterial, type Object3D, type Texture } from "three";
 import { GLTFLoader, type GLTFParser } from "three/addons/loaders/GLTFLoader.js";
-import { checkGlb } from "../../core/decode/glb.js";
+import { checkGlb, glbOf, isCompressed } from "../../core/decode/glb.js";
 import { corrupt } from "../../core/errors.js";
+import { dracoLoader } from "./draco.js";
 import type { NearModel, NearPart, NearSurface, Placements } from "./model.js";
 import { textureBytes, type TextureShelf } from "./textures.js";
 
@@ -10,14 +11,16 @@ const BLEND_CUTOFF = 0.5;
 const TEXTURE_HASH = /(?:^|\/)texture\/([0-9a-f]+)$/;
 
 /**
- * Reads a GLB of the world (spec/world.md, Geometry of a leaf), once `checkGlb` has found nothing in it that the general
+ * Reads a GLB of the world, packed or not (spec/world.md, Geometry of a leaf), once `checkGlb` has found nothing in it that the general
  * reader of glTF would follow too far. Positions are taken as they are stored: z up, which the
  * file's root node would turn. Rejects with `corrupt`.
  */
-export async function parseNearModel(bytes: Uint8Array, where: string, shelf: TextureShelf): Promise<NearModel> {
+export async function parseNearModel(value: Uint8Array, where: string, shelf: TextureShelf): Promise<NearModel> {
+  const bytes = glbOf(value, where);
   checkGlb(bytes, where);
   const taken: (() => void)[] = [];
   const loader = new GLTFLoader();
+  if (isCompressed(bytes)) loader.setDRACOLoader(await dracoLoader(where));
   loader.register((parser) => ({
     name: "FARFIELD_textures",
     loadTexture: (index: number) => {
@@ -69,11 +72,27 @@ function partsOf(scene: Object3D): NearPart[] {
     const mesh = object as Mesh<BufferGeometry, Material>;
     if (!mesh.isMesh) return;
     const { geometry } = mesh;
+    makeSmall(geometry);
     const vertices = geometry.index ?? geometry.getAttribute("position");
     parts.push({ geometry, surface: surfaceOf(mesh.material, geometry), triangles: vertices.count / 3 });
     mesh.material.dispose();
   });
   return parts;
+}
+
+/** Takes from decompressed attributes what the card needs no room for: 20 of 44 bytes at a statue. */
+function makeSmall(geometry: BufferGeometry): void {
+  const { index } = geometry;
+  const normals = geometry.getAttribute("normal") as BufferAttribute | undefined;
+  if (index?.array instanceof Uint32Array && geometry.getAttribute("position").count < 0xffff) {
+    geometry.setIndex(new BufferAttribute(new Uint16Array(index.array), 1));
+  }
+  if (!(normals?.array instanceof Float32Array)) return;
+  const bytes = new Int8Array(normals.count * 4);
+  for (let n = 0; n < normals.count; n++) {
+    for (let axis = 0; axis < 3; axis++) bytes[4 * n + axis] = Math.round(normals.array[3 * n + axis]! * 127);
+  }
+  geometry.setAttribute("normal", new BufferAttribute(bytes, 4, true));
 }
 
 /** What a material of three.js says of a surface. */

@@ -1,7 +1,7 @@
 import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture } from "three";
 import type { DecodePool } from "../../core/decode/pool.js";
 import { FarfieldError } from "../../core/errors.js";
-import { textureKey } from "../../core/keys.js";
+import { hashOfTexture, textureKey } from "../../core/keys.js";
 import type { Servers } from "../../core/servers.js";
 
 interface Entry {
@@ -9,9 +9,16 @@ interface Entry {
   uses: number;
 }
 
-/** Images that several GLBs refer to, fetched once each and freed with their last user. */
+/** Bytes of images that have come before what refers to them. */
+const MOST_AHEAD = 16 << 20;
+
+/** Images that several GLBs refer to, fetched once each, or put here before, and freed with their last user. */
 export class TextureShelf {
   private readonly entries = new Map<string, Entry>();
+  /** As they came, oldest first. */
+  private readonly ahead = new Map<string, Uint8Array>();
+  /** Asked for before what refers to them has come. */
+  private readonly expected = new Map<string, Promise<Uint8Array>>();
 
   /** anisotropy: of textures, as the card does it well. */
   constructor(
@@ -29,6 +36,39 @@ export class TextureShelf {
     return found.texture;
   }
 
+  /** Whether an image is there, or on its way. */
+  holds(hash: string): boolean {
+    return this.ahead.has(hash) || this.expected.has(hash) || this.entries.has(`${hash} false`) || this.entries.has(`${hash} true`);
+  }
+
+  /** Asks for an image that will be asked for: geometry has to be there, and be decoded, before it does itself. */
+  expect(hash: string): void {
+    if (this.holds(hash)) return;
+    const key = textureKey(hash);
+    const value = this.servers.of(key).get(key, new AbortController().signal);
+    this.expected.set(hash, value);
+    // Who needs it asks once more, and tells what is wrong.
+    value.then((bytes) => this.put(key, bytes), () => undefined).finally(() => this.expected.delete(hash));
+  }
+
+  /** Takes an image that will be asked for. */
+  put(key: string, value: Uint8Array): void {
+    this.ahead.set(hashOfTexture(key), value.slice());
+    let bytes = 0;
+    for (const { length } of this.ahead.values()) bytes += length;
+    for (const [hash, { length }] of this.ahead) {
+      if (bytes <= MOST_AHEAD) return;
+      this.ahead.delete(hash);
+      bytes -= length;
+    }
+  }
+
+  /** Of all images that are there, or on their way. */
+  keys(): string[] {
+    const hashes = [...this.ahead.keys(), ...[...this.entries.keys()].map((name) => name.split(" ")[0]!)];
+    return [...new Set(hashes)].map(textureKey);
+  }
+
   release(hash: string, cutout: boolean): void {
     const found = this.entries.get(`${hash} ${cutout}`);
     if (!found || --found.uses > 0) return;
@@ -40,7 +80,10 @@ export class TextureShelf {
     // Without the signal of the first who asks: others may be waiting for the same image.
     const { signal } = new AbortController();
     const key = textureKey(hash);
-    const bytes = await this.servers.of(key).get(key, signal);
+    await this.expected.get(hash)?.catch(() => undefined);
+    const ahead = this.ahead.get(hash);
+    this.ahead.delete(hash);
+    const bytes = ahead ?? (await this.servers.of(key).get(key, signal));
     const texture = cutout ? await this.cutoutOf(bytes, hash, signal) : await opaqueOf(bytes, hash);
     texture.colorSpace = SRGBColorSpace;
     texture.flipY = false;

@@ -9,8 +9,9 @@ uniform sampler2D map;
 #ifdef COLORED
 in vec4 tint;
 #endif
-#ifdef INSTANCED
-uniform highp sampler3D leaves; // 1 where a leaf is drawn as geometry
+#ifdef CLIPPED
+uniform highp sampler3D leaves; // (level + 1) / 255 where a leaf is drawn as geometry
+uniform int levels;             // a bit each, at which it is drawn by this mesh
 uniform vec3 leavesLower;       // of its first texel, relative to the eye
 uniform float leafSize;
 #endif
@@ -23,10 +24,11 @@ uniform float near;
 out vec4 color;
 
 void main() {
-#ifdef INSTANCED
+#ifdef CLIPPED
     vec3 leaf = floor((point - leavesLower) / leafSize);
     if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, vec3(textureSize(leaves, 0))))) discard;
-    if (texelFetch(leaves, ivec3(leaf), 0).r < 0.5) discard;
+    int level = int(texelFetch(leaves, ivec3(leaf), 0).r * 255.0 + 0.5) - 1;
+    if (level < 0 || ((levels >> level) & 1) == 0) discard;
 #endif
     vec4 surface = factor;
 #ifdef TEXTURED

@@ -1,0 +1,129 @@
+"""Which meshes near geometry shares, and the instances that a leaf lists in the index: objects of BEN 4."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.octree.grid import CellKey, Grid
+from farfield.represent.geometry.forms import errors_at
+from farfield.scene.model import Instances
+from farfield.scene.stored.scene import MeshSummary
+from farfield.world.index import ERROR_SPACING, MESH_FARTHEST, MOST_INSTANCES, InstancedMesh, MeshLevel
+from farfield.world.reach import level_values
+
+if TYPE_CHECKING:
+    from farfield.bake.context import BakeContext
+
+FEWEST_TRIANGLES = 96
+"""Of a mesh that is placed once, to be kept whole: those of fewer have no levels, and are cheaper with all else."""
+MOST_EDGES = 2.0
+"""Leaf edges that it may be long: leaves then need little of it that does not lie in them."""
+HALVINGS = 2
+"""Of the sides of images in levels: they take a tenth of the bytes or less. Halved more often they would save next to
+nothing, and coarse pictures show the joints of a pavement that they lose."""
+SEEN = 1.5
+"""Times the error of a form that is told of it: by 1 - FLIP / FLIP of nothing of whole pictures near leaves that are
+drawn by it are worse than its own pictures say. With this Tokyo's level is told to .02, those of statues are still told
+.03 to .07 too good (docs/performance.md, Near geometry)."""
+WIDTHS = 3
+"""Views that errors are told for."""
+
+
+def shared_meshes(instances: Instances, summaries: Sequence[MeshSummary], grid: Grid) -> NDArray[np.bool_]:
+    """(meshes,) which are kept whole, as files of their own that leaves place.
+
+    Those that are placed more than once; and objects no longer than MOST_EDGES leaves with triangles enough for levels,
+    so that viewers can be sent one after the other, as far as no leaf has more than it may list.
+    """
+    placements = np.bincount(instances.mesh, minlength=len(summaries))
+    shared = placements > 1
+    triangles = np.array([summary.triangles for summary in summaries], np.int64)
+    rows = np.flatnonzero((placements == 1)[instances.mesh] & (triangles >= FEWEST_TRIANGLES)[instances.mesh])
+    boxes = [_box(summaries[mesh]) for mesh in instances.mesh[rows].tolist()]
+    if not boxes:
+        return shared
+    lower, upper = np.array(boxes).transpose(1, 0, 2)
+    turn = instances.transform[rows]
+    extent = np.einsum("nij,nj->ni", np.abs(turn[:, :, :3]), upper - lower)
+    small = (extent <= MOST_EDGES * grid.leaf_size).all(axis=1)
+    middle = np.einsum("nij,nj->ni", turn[:, :, :3], (lower + upper) / 2) + turn[:, :, 3]
+    leaves, of, count = np.unique(grid.leaf_index(middle[small]), axis=0, return_inverse=True, return_counts=True)
+    if len(leaves):
+        shared[instances.mesh[rows[small][count[of.ravel()] <= MOST_INSTANCES]]] = True
+    return shared
+
+
+def instances_in(context: BakeContext, key: CellKey, position: int, shared: Sequence[int]) -> tuple[InstancedMesh, ...]:
+    """Instances whose place a leaf is, by mesh, their meshes' levels stored; none when there are more than may be.
+
+    position: of the leaf in the plan. shared: the meshes that reach into it. Of each instance one leaf alone is the
+    place: that of the middle of its first triangle, in which there is something of it for certain.
+    """
+    table, corner = context.job.scene.instances, context.grid.bounds(key)[0]
+    rows = np.unique(context.job.plan.rows(position)[0])
+    found: list[tuple[int, NDArray[np.int64]]] = []
+    for mesh in shared:
+        own = rows[table.mesh[rows] == mesh]
+        turn = table.transform[own]
+        places = turn[:, :, :3] @ context.mesh_anchor(mesh) + turn[:, :, 3]
+        own = own[(context.grid.leaf_index(places) == [key.x, key.y, key.z]).all(axis=1)]
+        if len(own):
+            found.append((mesh, own))
+    if sum(len(own) for _, own in found) > MOST_INSTANCES:
+        return ()
+    return tuple(_listed(context, mesh, own, corner) for mesh, own in found)
+
+
+def _listed(context: BakeContext, mesh: int, rows: NDArray[np.int64], corner: NDArray[np.float64]) -> InstancedMesh:
+    table = context.job.scene.instances
+    transforms = table.transform[rows].copy()
+    transforms[:, :, 3] -= corner
+    flat = transforms.reshape(len(rows), 12)
+    order = np.lexsort((*flat.T, table.first_object[rows]))
+    lower, upper = (_triple(side) for side in _box(context.job.summaries[mesh]))
+    # As the leaf's geometry has them: single precision, in as few digits as tell it.
+    places = tuple(tuple(float(str(value)) for value in row) for row in flat[order].astype(np.float32))
+    levels = context.mesh_levels(mesh)
+    context.keep(key for level in levels for key, _ in level_values(level))
+    return InstancedMesh((lower, upper), levels, tuple(table.first_object[rows[order]].tolist()), places)
+
+
+def make_mesh_levels(context: BakeContext, mesh: int) -> tuple[MeshLevel, ...]:
+    """The full mesh, and all levels that it has. Errors are told for the size that most instances have."""
+    forms = context.mesh_forms(mesh)
+    full = context.mesh_file(mesh, 0, 0)
+    extent = forms[0].extent * _scale(context.job.scene.instances, mesh)
+    found = [MeshLevel(full.hash, full.bytes, full.triangles, tuple(sorted(full.images.items())))]
+    for shape in range(0 if full.images else 1, len(forms)):
+        file = context.mesh_file(mesh, shape, HALVINGS)
+        errors = _errors(context, mesh, shape, extent)
+        found.append(MeshLevel(file.hash, file.bytes, file.triangles, tuple(sorted(file.images.items())), errors))
+    return tuple(found)
+
+
+def _errors(context: BakeContext, mesh: int, shape: int, extent: float) -> tuple[int, ...]:
+    forms, farthest = context.mesh_forms(mesh), MESH_FARTHEST * context.grid.pitch(0)
+    widths = (farthest / ERROR_SPACING**n for n in range(WIDTHS))
+    each = (SEEN * errors_at(forms, shape, extent, width, HALVINGS) for width in widths)
+    return tuple(round(255 * min(error, 1.0)) for error in each)
+
+
+def _scale(instances: Instances, mesh: int) -> float:
+    """Times that the mesh is as large as it is placed, the median."""
+    turn = instances.transform[instances.mesh == mesh][:, :, :3]
+    return float(np.median(np.cbrt(np.abs(np.linalg.det(turn)))))
+
+
+def _box(summary: MeshSummary) -> NDArray[np.float64]:
+    """(2, 3) of a mesh, in its frame."""
+    if not len(summary.boxes):
+        return np.zeros((2, 3))
+    return np.stack([summary.boxes[:, 0].min(axis=0), summary.boxes[:, 1].max(axis=0)])
+
+
+def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

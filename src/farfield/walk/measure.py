@@ -1,0 +1,294 @@
+"""Walkthrough quality as the thesis defines it (BEN 6.1): the benefit of what is held over that of all there is.
+
+quality(t) = sum of visibility x accuracy / sum of visibility, over the objects in view; visibility is the pixels of
+the bounding rectangle within the picture (BEN 4.2), accuracy that of the best that is held (BEN 4.1). An object that
+lies in several leaves is as accurate as its pieces are, by their shares of its surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.kernels.boxes import see_boxes
+from farfield.stream.accuracy import impostor_accuracy, level_accuracy
+from farfield.stream.tree import NONE, CellTree
+from farfield.walk.objects import WorldObjects
+from farfield.walk.observer import Pose
+from farfield.world.keys import orthoview_key
+
+Floats = NDArray[np.float64]
+LEAST_VISIBLE = 1.0
+"""Pixels of its rectangle from which on an object is in view."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What is to be seen at a moment: k pieces of the objects in view."""
+
+    eye: Floats
+    """(3,) local metres."""
+    focal: float
+    """Pixels of one unit at distance one."""
+    leaf: NDArray[np.int64]
+    """(k,) number of the leaf of each piece."""
+    area: Floats
+    """(k,) pixels of the whole rectangle of its object."""
+    height: Floats
+    """(k,) pixels that the rectangle is high."""
+    metres: Floats
+    """(k,) height of its object."""
+    faces: Floats
+    """(k,) triangles of its object's full model."""
+    towards: Floats
+    """(k, 3) unit vectors from the middle of its object to the eye."""
+    mesh: NDArray[np.int64]
+    """(k,) see WorldObjects.piece_mesh."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """The m objects in view, and the k pieces of them."""
+
+    objects: NDArray[np.int64]
+    """(m,) rows of WorldObjects."""
+    visible: Floats
+    """(m,) pixels of the rectangle within the picture."""
+    sight: Sight
+    piece_object: NDArray[np.int64]
+    """(k,) which of the m objects each is of."""
+    piece_share: Floats
+    """(k,) of its object's surface."""
+
+
+class HeldKind(Protocol):
+    """A way to show objects, as far as walks are measured; images made on demand plug in by the same answers."""
+
+    def hold(self, key: str) -> None:
+        """A value has come; of any kind."""
+        ...
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """(k,) of each piece by what is held, 0 to 1 (BEN 4.1); 0 where nothing of it is."""
+        ...
+
+
+class HeldGeometry:
+    """Leaves as triangles, the full models or a coarser form, when all of it is there.
+
+    Beyond the near radius only forms of few enough triangles (stream.tree.CellForms.far).
+    """
+
+    def __init__(self, tree: CellTree, near_radius: float | None = None) -> None:
+        """near_radius: metres; None: r, as the cut defines it."""
+        self._tree, self._near_radius = tree, near_radius
+        self._share = np.zeros(len(tree.entries))
+        """Of the full models' triangles that the finest form that is held of each leaf has."""
+        self._far = np.zeros(len(tree.entries))
+        """The same of forms that may be drawn from afar."""
+        self._lacking: dict[tuple[int, int], int] = {}
+        self._users: dict[str, list[tuple[int, int]]] = {}
+        for cell in np.flatnonzero(tree.has_geometry).tolist():
+            for form in tree.forms(cell).values:
+                self._lacking[cell, form.level] = len(form.keys)
+                for key in form.keys:
+                    self._users.setdefault(key, []).append((cell, form.level))
+
+    def hold(self, key: str) -> None:
+        """See HeldKind."""
+        for cell, level in self._users.pop(key, []):
+            self._lacking[cell, level] -= 1
+            if self._lacking[cell, level] == 0:
+                share = triangle_share(self._tree, cell, level)
+                self._share[cell] = max(self._share[cell], share)
+                if self._tree.forms(cell).far[level]:
+                    self._far[cell] = max(self._far[cell], share)
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """See HeldKind."""
+        tree = self._tree
+        boxes = tree.boxes[sight.leaf]
+        away = np.linalg.norm(np.maximum(np.maximum(boxes[:, :3] - sight.eye, sight.eye - boxes[:, 3:]), 0.0), axis=1)
+        near = sight.focal * tree.grid.pitch(0) if self._near_radius is None else self._near_radius
+        share = np.where(away < near, self._share[sight.leaf], self._far[sight.leaf])
+        return mesh_accuracy(sight, share)
+
+
+class HeldMeshes:
+    """Objects by the levels of their meshes, which are drawn wherever the index has instances of them."""
+
+    def __init__(self, tree: CellTree) -> None:
+        instances = tree.instances
+        self._share = np.zeros(len(instances.forms) + 1)
+        """Of the full model's triangles that the finest level that is held has; the last is that of no mesh."""
+        self._lacking: dict[tuple[int, int], int] = {}
+        self._users: dict[str, list[tuple[int, int]]] = {}
+        self._triangles = instances.triangles
+        for mesh, forms in enumerate(instances.forms):
+            for level, value in enumerate(forms.values):
+                self._lacking[mesh, level] = len(value.keys)
+                for key in value.keys:
+                    self._users.setdefault(key, []).append((mesh, level))
+
+    def hold(self, key: str) -> None:
+        """See HeldKind."""
+        for mesh, level in self._users.pop(key, []):
+            self._lacking[mesh, level] -= 1
+            if self._lacking[mesh, level] == 0:
+                own = self._triangles[mesh]
+                self._share[mesh] = max(self._share[mesh], own[level] / own[0])
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """See HeldKind."""
+        return mesh_accuracy(sight, self._share[sight.mesh])
+
+
+def mesh_accuracy(sight: Sight, share: Floats) -> Floats:
+    """(k,) of pieces that are shown by so many of the triangles of their objects; 0 of those without."""
+    faces = np.maximum(sight.faces * share, 1.0)
+    return np.where(share > 0, level_accuracy(sight.area, faces, np.maximum(sight.faces, faces)), 0.0)
+
+
+class HeldPictures:
+    """Pictures of a piece's leaf or of a cell above it, as boards that stand across their directions.
+
+    Of the rows that the object has in them, and by the angle between the line of sight and their plane.
+    """
+
+    def __init__(self, tree: CellTree, directions: Sequence[tuple[int, tuple[float, float, float]]]) -> None:
+        """directions: number and unit vector towards the camera of each."""
+        self._vectors = np.array([vector for _, vector in directions]).reshape(-1, 3)
+        self._parents, self._errors = tree.parents, tree.errors
+        self._held = np.zeros((len(tree.entries), len(directions)), bool)
+        columns = {number: column for column, (number, _) in enumerate(directions)}
+        self._places = {
+            orthoview_key(entry.cell, direction, layer, entry.hash): (row, columns[direction])
+            for row, entry in enumerate(tree.entries)
+            for direction, layer, _ in entry.tiles
+            # The second layer shows what the first hides.
+            if layer == 0
+        }
+
+    def hold(self, key: str) -> None:
+        """See HeldKind."""
+        if key in self._places:
+            self._held[self._places[key]] = True
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """See HeldKind."""
+        found = np.zeros(len(sight.leaf))
+        for pieces, cells, accuracy in self.all_accuracies(sight):
+            best = np.where(self._held[cells], accuracy, 0.0).max(axis=1, initial=0.0)
+            found[pieces] = np.maximum(found[pieces], best)
+        return found
+
+    def all_accuracies(self, sight: Sight) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats]]:
+        """Of all pictures, held or not, level by level: pieces, (l,); their cells, (l,); (l, directions) accuracy."""
+        angle = np.arcsin(np.clip(sight.towards @ self._vectors.T, 0.0, 1.0))
+        square = impostor_accuracy(np.inf, 1.0, angle)
+        pieces, cells = np.arange(len(sight.leaf)), sight.leaf.copy()
+        while len(pieces):
+            rows = sight.metres[pieces] / self._errors[cells]
+            # Less than a row shows nothing.
+            sharp = impostor_accuracy(rows, sight.height[pieces], np.pi / 2) * (rows >= 1)
+            yield pieces, cells, sharp[:, None] * square[pieces]
+            above = self._parents[cells]
+            pieces, cells = pieces[above != NONE], above[above != NONE].astype(np.int64)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A moment of a walk."""
+
+    quality: float
+    """0 to 1; nan when nothing is in view."""
+    missing: int
+    """Objects in view of which nothing is held."""
+    in_view: int
+    """Objects in view."""
+
+
+class Measure:
+    """Judges what a viewer holds."""
+
+    def __init__(self, objects: WorldObjects, kinds: Sequence[HeldKind], size: tuple[int, int]) -> None:
+        """size: width and height of the picture, pixels."""
+        self._objects, self._kinds, self._size = objects, kinds, size
+
+    def hold(self, keys: Iterable[str]) -> None:
+        """Values have come."""
+        for key in keys:
+            for kind in self._kinds:
+                kind.hold(key)
+
+    def sample(self, pose: Pose) -> Sample:
+        """As of now, from the true eye."""
+        look = self.look(pose)
+        if not len(look.visible):
+            return Sample(float("nan"), 0, 0)
+        accuracy = np.zeros(len(look.visible))
+        np.add.at(accuracy, look.piece_object, look.piece_share * self.piece_accuracy(look.sight))
+        quality = float((look.visible * accuracy).sum() / look.visible.sum())
+        return Sample(quality, int((accuracy == 0).sum()), len(accuracy))
+
+    def piece_accuracy(self, sight: Sight) -> Floats:
+        """(k,) of each piece by the best that is held."""
+        return np.asarray(np.max([kind.accuracy(sight) for kind in self._kinds], axis=0, initial=0.0))
+
+    def look(self, pose: Pose) -> Look:
+        """What is in view."""
+        objects, focal = self._objects, self._size[1] / 2 / np.tan(np.radians(pose.fov) / 2)
+        seen = _seen(objects.boxes, pose, focal, self._size)
+        rows = np.flatnonzero(seen[:, 0] >= LEAST_VISIBLE)
+        places = np.full(len(objects.ids), NONE)
+        places[rows] = np.arange(len(rows))
+        pieces = np.flatnonzero(places[objects.piece_object] != NONE)
+        own = objects.piece_object[pieces]
+        towards = pose.eye - (objects.boxes[own, :3] + objects.boxes[own, 3:]) / 2
+        towards /= np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9)
+        metres = objects.boxes[own, 5] - objects.boxes[own, 2]
+        sight = Sight(
+            pose.eye, focal, objects.piece_leaf[pieces], seen[own, 1], seen[own, 2], metres,
+            objects.faces[own].astype(np.float64), towards, objects.piece_mesh[pieces],
+        )  # fmt: skip
+        return Look(rows, seen[rows, 0], sight, places[own], objects.piece_share[pieces])
+
+
+def samples(
+    measure: Measure, arrivals: Sequence[tuple[float, str]], poses: Iterable[tuple[float, Pose]]
+) -> Iterator[Sample]:
+    """One of each pose, with what had arrived by its time. Both ascend; seconds."""
+    held = 0
+    for at, pose in poses:
+        begun = held
+        while held < len(arrivals) and arrivals[held][0] <= at:
+            held += 1
+        measure.hold(key for _, key in arrivals[begun:held])
+        yield measure.sample(pose)
+
+
+def triangle_share(tree: CellTree, cell: int, level: int) -> float:
+    """How many triangles a form of a leaf's geometry has for each of the full one's; of instances by their bytes."""
+    near = tree.entries[cell].geometry
+    assert near is not None
+    form = near.forms[level]
+    if near.triangles and not near.meshes:
+        return min(form.triangles / near.triangles, 1.0)
+    sizes = [one.bytes + sum(size for _, size in one.meshes) for one in (form, near)]
+    return min(sizes[0] / sizes[1], 1.0)
+
+
+def _seen(boxes: Floats, pose: Pose, focal: float, size: tuple[int, int]) -> Floats:
+    """(n, 3) pixels: of the rectangle within the picture, of the whole, and its height."""
+    right = np.cross(pose.forward, [0.0, 0.0, 1.0])
+    length = float(np.linalg.norm(right))
+    right = np.array([1.0, 0.0, 0.0]) if length < 1e-9 else right / length
+    axes = np.stack([right, np.cross(pose.forward, right), pose.forward])[None]
+    seen = np.zeros((len(boxes), 1, 3), np.float32)
+    width, height = map(float, size)
+    see_boxes(np.ascontiguousarray(boxes), pose.eye[None].copy(), axes, 0, focal, width, height, seen)
+    return seen[:, 0].astype(np.float64)
