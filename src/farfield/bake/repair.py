@@ -10,7 +10,7 @@ from farfield.octree.grid import CellKey
 from farfield.store.contract import Store
 from farfield.world import keys
 from farfield.world.index import CellEntry
-from farfield.world.reach import geometry_keys, meshes_of, textures_of
+from farfield.world.reach import geometry_keys, images_of, meshes_of, textures_of
 from farfield.world.world import World
 
 _CELL = re.compile(r"(?:orthoview|objects|geometry)/(-?\d+/-?\d+/-?\d+/-?\d+)")
@@ -53,6 +53,7 @@ def _needs(store: Store, entry: CellEntry) -> Iterator[str]:
     own = [key for key, _ in geometry_keys(entry)]
     meshes = [keys.mesh_key(name) for name in meshes_of(entry)]
     yield from meshes
+    yield from (keys.texture_key(name) for name in images_of(entry))
     for key in (*own, *meshes):
         try:
             yield from (keys.texture_key(name) for name in textures_of(store.get(key), key))

@@ -19,7 +19,7 @@ from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
-from farfield.world.reach import IndexRoot, first_index_tiles, geometry_keys, meshes_of, parted, textures_of
+from farfield.world.reach import IndexRoot, first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
 from farfield.world.split import SplitStore
 from farfield.world.targets import Target
 
@@ -151,6 +151,7 @@ class _Copy:
 
     def _remembered(self, entry: CellEntry) -> _Cell:
         self._meshes.update(meshes_of(entry))
+        self._textures.update(dict.fromkeys(images_of(entry)))
         tiles = array("Q", [number for tile in entry.tiles for number in tile])
         return _Cell(entry.cell, entry.hash, tiles, tuple(geometry_keys(entry)))
 

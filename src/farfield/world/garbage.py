@@ -16,7 +16,7 @@ from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
 from farfield.world.limits import DAMAGE
 from farfield.world.manifest import read_manifest
-from farfield.world.reach import first_index_tiles, geometry_keys, meshes_of, parted, textures_of
+from farfield.world.reach import first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
 _OF_CELL = re.compile(rf"(orthoview|objects|geometry|index)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
@@ -125,6 +125,7 @@ def _living(store: Store, progress: Progress) -> _Living:
         pending += below
         for entry in entries:
             living.named["orthoview"][entry.key] = living.named["objects"][entry.key] = entry.hash
+            living.shared.update(keys.texture_key(name) for name in images_of(entry))
             if entry.geometry:
                 living.named["geometry"][entry.key] = entry.geometry.hash
                 for geometry, _ in geometry_keys(entry):

@@ -48,6 +48,8 @@ MESH_FARTHEST = 4.0
 Error = Annotated[int, Meta(ge=0, le=255)]
 MOST_INSTANCES = 16
 """Instances that a leaf lists: where there are more, they are known from its geometry alone."""
+MOST_SIDES = 32
+"""Images of an impostor."""
 
 
 Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
@@ -95,6 +97,18 @@ class MeshLevel(msgspec.Struct, frozen=True, omit_defaults=True):
     the leaf's pictures, ERROR_SPACING times as narrow, and again; none: it is the full one."""
 
 
+class Impostor(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Images of a shared mesh from round about, one board each (BEN 4.1)."""
+
+    rows: Annotated[int, Meta(ge=1, le=4096)]
+    """Pixels of the images along the height of the mesh's box."""
+    images: Annotated[tuple[tuple[Hash, Count], ...], Meta(min_length=1, max_length=MOST_SIDES)]
+    """Hash and bytes of each; number n of k is seen from an azimuth of n k-ths of a turn in the mesh's frame, 0 along
+    x."""
+    errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """As those of a MeshLevel, seen from between two of the sides."""
+
+
 class InstancedMesh(msgspec.Struct, frozen=True, omit_defaults=True):
     """Instances of a shared mesh that have their place in a leaf, each in one alone."""
 
@@ -108,6 +122,8 @@ class InstancedMesh(msgspec.Struct, frozen=True, omit_defaults=True):
         tuple[Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)], ...], Meta(max_length=MOST_INSTANCES)
     ]
     """For each instance three rows of four, from the mesh's frame to that of the leaf's lower corner."""
+    impostors: Annotated[tuple[Impostor, ...], Meta(max_length=4)] = ()
+    """From fine to coarse."""
 
 
 class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):

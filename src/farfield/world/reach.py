@@ -67,3 +67,8 @@ def meshes_of(entry: CellEntry) -> dict[str, int]:
     placed = (mesh for form in (entry.geometry.forms if entry.geometry else ()) for mesh in form.meshes)
     listed = ((level.hash, level.bytes) for mesh in entry.instances for level in mesh.levels)
     return dict((*placed, *listed))
+
+
+def images_of(entry: CellEntry) -> dict[str, int]:
+    """Hash and bytes of the images by which a leaf's instances are shown as boards; those of meshes are not among them."""
+    return dict(image for mesh in entry.instances for one in mesh.impostors for image in one.images)

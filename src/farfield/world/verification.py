@@ -20,6 +20,7 @@ from farfield.world.index import CellEntry, decode_index
 from farfield.world.reach import (
     first_index_tiles,
     geometry_keys,
+    images_of,
     meshes_of,
     object_keys,
     parted,
@@ -75,7 +76,8 @@ def verify_world(world: World, progress: Progress | None = None) -> Verification
             reports.append(report)
             progress.advance()
         reports += pool.map(lambda key: _check_hashed(store, key), _meshes_of(entries))
-        textures = dict.fromkeys(name for report in reports for name in report.textures)
+        named = (name for report in reports for name in report.textures)
+        textures = dict.fromkeys([*named, *(name for entry in entries for name in images_of(entry))])
         others = [keys.texture_key(name) for name in textures]
         if world.manifest.attributes:
             others += _attributes_of(store, world.manifest.attributes)
