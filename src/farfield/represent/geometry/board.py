@@ -1,0 +1,76 @@
+"""Boards of impostors: where each stands, how squarely it is seen, what is drawn (BEN 4.1; spec/world.md)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farfield.scene.model import Material, Mesh, Texture
+
+Floats = NDArray[np.float64]
+FULL_SINE = 0.75**0.5
+"""Sine of 60 degrees: seen at that angle to its plane, or more squarely, a board is as good as head on (BEN 4.1)."""
+BULGE = 1.2
+"""How far normals lean outwards at a board's corners, for 1 towards the eye."""
+CUTOFF = 0.5
+"""Alpha below which there is a hole: below 128 of 255."""
+_SINGULAR = 1e-12
+"""Of the product of its columns' lengths, up to which the determinant of a matrix is none."""
+
+
+def side_directions(count: int) -> Floats:
+    """(count, 3) unit vectors, mesh frame, from the middle of a mesh to the eyes that an impostor's images show it to.
+
+    Number n lies at an azimuth of n count-ths of a turn, 0 along x.
+    """
+    turn = 2 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(turn), np.sin(turn), np.zeros(count)], axis=1)
+
+
+def board_matrix(bounds: Floats, side: int, count: int) -> Floats:
+    """(3, 4) from the frame of a board that is 1 wide and 1 high to that of its mesh: side `side` of `count`.
+
+    The board's frame: from the middle of the board, x to the right as the eye sees it, y towards the eye, as long as
+    the board is wide, z up. It is left-handed, so the determinant is negative. bounds: (2, 3) of the mesh, metres.
+    """
+    x, y = side_directions(count)[side, :2]
+    size = bounds[1] - bounds[0]
+    width = abs(y) * size[0] + abs(x) * size[1]
+    columns = [[-y * width, x * width, 0.0], [x * width, y * width, 0.0], [0.0, 0.0, size[2]], bounds.mean(axis=0)]
+    return np.array(columns, np.float64).T
+
+
+def squareness(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> Floats:
+    """(m, k, count) how much of m instances the boards of a mesh show to k eyes, for the angle alone (BEN 4.1).
+
+    The cube of the sine of the angle between line of sight and board, in the mesh's frame, over that of 60 degrees: 1
+    from there on, 0 from behind. bounds: (2, 3) of the mesh, metres. count: boards. transforms: (m, 3, 4) from the
+    mesh's frame to local metres; those that flatten it give 0. eyes: (k, 3) local metres.
+    """
+    matrices = transforms[:, :, :3]
+    spans = np.linalg.norm(matrices, axis=1).prod(axis=1)
+    is_flat = ~(np.abs(np.linalg.det(matrices)) > _SINGULAR * spans)
+    inverse = np.linalg.inv(np.where(is_flat[:, None, None], np.eye(3), matrices))
+    towards = np.einsum("mij,mkj->mki", inverse, eyes - transforms[:, None, :, 3]) - bounds.mean(axis=0)
+    length = np.linalg.norm(towards, axis=2, keepdims=True)
+    sine = towards / np.where(length > 0, length, 1.0) @ side_directions(count).T
+    sine[is_flat] = 0.0
+    return np.asarray((np.clip(sine, 0.0, FULL_SINE) / FULL_SINE) ** 3)
+
+
+def board_mesh(texture: Texture) -> Mesh:
+    """A board in its own frame (see `board_matrix`), two triangles, lit as a body as deep as it is wide.
+
+    texture: an impostor's image, straight alpha, row 0 at the top.
+    """
+    right, up = np.array([0.5, -0.5, -0.5, 0.5]), np.array([-0.5, -0.5, 0.5, 0.5])
+    flat = np.zeros(4)
+    normals = np.stack([BULGE * right, flat + 1, BULGE * up], axis=1)
+    return Mesh(
+        positions=np.stack([right, flat, up], axis=1),
+        triangles=np.array([[0, 1, 2], [0, 2, 3]], np.uint32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        materials=(Material("board", texture=texture, alpha_cutoff=CUTOFF, double_sided=True),),
+        triangle_material=np.zeros(2, np.uint16),
+        uvs=np.stack([right + 0.5, 0.5 - up], axis=1).astype(np.float32),
+    )

@@ -1,0 +1,122 @@
+"""Boards of impostors against what is worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from farfield.represent.geometry.board import board_matrix, board_mesh, side_directions, squareness
+from farfield.scene.model import Texture
+
+BOX = np.array([[-1.0, -2.0, 0.0], [3.0, 4.0, 5.0]])
+"""4 x 6 x 5 m, the middle at (1, 1, 2.5)."""
+MIDDLE = np.array([1.0, 1.0, 2.5])
+SMALL = st.floats(-5, 5).map(lambda value: round(value, 3))
+
+
+def placed(matrix: np.ndarray, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """(1, 3, 4)."""
+    return np.column_stack([matrix, at])[None]
+
+
+def seen(transform: np.ndarray, towards: list[float], count: int = 4) -> np.ndarray:
+    """(count,) squareness from an eye that lies in that direction, mesh frame, 7 m before the middle."""
+    point = MIDDLE + 7 * np.array(towards) / np.linalg.norm(towards)
+    eye = transform[0, :, :3] @ point + transform[0, :, 3]
+    return np.asarray(squareness(BOX, count, transform, eye[None])[0, 0])
+
+
+def test_sides_go_round_from_x() -> None:
+    assert np.allclose(side_directions(4), [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
+    assert np.allclose(np.linalg.norm(side_directions(7), axis=1), 1)
+
+
+def test_boards_stand_across_their_directions() -> None:
+    # Along x one sees y to the right, 6 m of it.
+    assert np.allclose(board_matrix(BOX, 0, 4), np.array([[0, 6, 0, 1], [6, 0, 0, 1], [0, 0, 5, 2.5]]))
+    # Along y one sees x to the left, 4 m of it.
+    assert np.allclose(board_matrix(BOX, 1, 4), np.array([[-4, 0, 0, 1], [0, 4, 0, 1], [0, 0, 5, 2.5]]))
+    half = 0.5**0.5
+    corner = board_matrix(BOX, 1, 8)
+    assert np.allclose(corner[:, 0], [-half * half * 10, half * half * 10, 0])
+    assert np.allclose(corner[:, 1], [half * half * 10, half * half * 10, 0])
+
+
+@given(st.integers(1, 32), st.data())
+def test_boards_cover_their_boxes(count: int, data: st.DataObject) -> None:
+    side = data.draw(st.integers(0, count - 1))
+    lower = np.array(data.draw(st.tuples(SMALL, SMALL, SMALL)))
+    box = np.stack([lower, lower + data.draw(st.tuples(*[st.floats(0.01, 9)] * 3))])
+    matrix = board_matrix(box, side, count)
+    assert np.allclose(matrix[:, 3], box.mean(axis=0))
+    assert np.linalg.det(matrix[:, :3]) < 0
+    corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
+    own = np.linalg.solve(matrix[:, :3], (corners - matrix[:, 3]).T)
+    # Corners of the box reach to the edges of the rectangle, and not beyond.
+    assert np.allclose([own[0].min(), own[0].max(), own[2].min(), own[2].max()], [-0.5, 0.5, -0.5, 0.5])
+    assert np.allclose(matrix[:, 1] / np.linalg.norm(matrix[:, 1]), side_directions(count)[side])
+
+
+def test_squareness_by_hand() -> None:
+    still = placed(np.eye(3))
+    assert np.allclose(seen(still, [1, 0, 0]), [1, 0, 0, 0])
+    # 45 degrees to two of them, then 60 degrees and 30 degrees.
+    half = (0.5 / 0.75) ** 1.5
+    assert np.allclose(seen(still, [1, 1, 0]), [half, half, 0, 0])
+    sixth = (0.5 / 0.75**0.5) ** 3
+    assert np.allclose(seen(still, [-(0.75**0.5), -0.5, 0]), [0, 0, 1, sixth])
+    # Half way up to the zenith, and from there.
+    assert np.allclose(seen(still, [0, -1, 1]), [0, 0, 0, half])
+    assert np.allclose(seen(still, [0, 0, 1]), 0)
+    assert (squareness(BOX, 4, still, MIDDLE[None]) == 0).all()
+
+
+def test_squareness_is_of_the_meshs_frame() -> None:
+    """Turned, mirrored and stretched: an eye sees the side that it lies before in there."""
+    mirrored = placed(np.diag([-2.0, 0.5, 3.0]) @ np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]]), (9, -4, 1))
+    assert np.allclose(seen(mirrored, [0, -1, 0]), [0, 0, 0, 1])
+    # Straight before the turned and mirrored mesh, from afar: at -x of the world.
+    eye = np.array([[-1e6, -4.0, 1.0]])
+    towards = np.linalg.solve(mirrored[0, :, :3], [-1.0, 0, 0])
+    sine = np.clip(side_directions(4) @ towards / np.linalg.norm(towards), 0, 0.75**0.5)
+    assert np.allclose(squareness(BOX, 4, mirrored, eye)[0, 0], (sine / 0.75**0.5) ** 3, atol=1e-4)
+
+
+def test_many_at_once() -> None:
+    transforms = np.concatenate([placed(np.eye(3), (n, 0, 0)) for n in range(3)])
+    eyes = np.random.default_rng(1).normal(size=(5, 3)) * 9
+    found = squareness(BOX, 8, transforms, eyes)
+    assert found.shape == (3, 5, 8)
+    one = squareness(BOX, 8, transforms[2:], eyes[3:4])
+    assert np.allclose(found[2, 3], one[0, 0])
+    assert squareness(BOX, 8, transforms[:0], eyes).shape == (0, 5, 8)
+
+
+@pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), np.ones((3, 3)) * 0.3])
+def test_what_is_flattened_shows_nothing(matrix: np.ndarray) -> None:
+    found = squareness(BOX, 4, np.concatenate([placed(matrix), placed(np.eye(3))]), np.array([[9.0, 1.0, 2.5]]))
+    assert (found[0] == 0).all()
+    assert np.allclose(found[1], [1, 0, 0, 0])
+
+
+@given(st.lists(SMALL, min_size=12, max_size=12), st.tuples(SMALL, SMALL, SMALL), st.integers(1, 32))
+def test_squareness_is_a_share(transform: list[float], eye: tuple[float, float, float], count: int) -> None:
+    found = squareness(BOX, count, np.array(transform).reshape(1, 3, 4), np.array([eye]))
+    assert ((found >= 0) & (found <= 1)).all()
+
+
+def test_the_mesh_of_a_board() -> None:
+    texture = Texture(np.zeros((2, 2, 4), np.uint8))
+    mesh = board_mesh(texture)
+    assert mesh.uvs is not None
+    for (x, y, z), (u, v), normal in zip(mesh.positions, mesh.uvs, mesh.normals, strict=True):
+        assert (abs(x), y, abs(z)) == (0.5, 0, 0.5)
+        assert (u, v) == (x + 0.5, 0.5 - z)
+        assert np.allclose(normal, np.array([1.2 * x, 1, 1.2 * z]) / (1 + 0.72) ** 0.5)
+    corners = mesh.positions[mesh.triangles]
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.allclose(outwards, [[0, 1, 0]] * 2)
+    material = mesh.materials[0]
+    assert (material.texture, material.alpha_cutoff, material.double_sided) == (texture, 0.5, True)
