@@ -22,7 +22,15 @@ from farfield.stream.motion import Viewing
 from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import NONE, CellTree
-from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel, InstancedMesh, MeshLevel, write_picks
+from farfield.world.index import (
+    CellEntry,
+    GeometryEntry,
+    GeometryLevel,
+    Impostor,
+    InstancedMesh,
+    MeshLevel,
+    write_picks,
+)
 
 FOLDER = Path(__file__).parents[1] / "tests/vectors/stream"
 MOST = 24
@@ -110,7 +118,16 @@ def _instances(grid: Grid, random: np.random.Generator) -> tuple[InstancedMesh, 
             turns.append(tuple(rows.tolist()))
         bounds = ((-0.7, -0.5, 0.0), (0.7, 0.5, 1.5 + 0.5 * mesh))
         ids = tuple(random.integers(1, 1_000, count).tolist())
-        found.append(InstancedMesh(bounds, tuple(levels), ids, tuple(turns)))
+        found.append(InstancedMesh(bounds, tuple(levels), ids, tuple(turns), _impostors(mesh)))
+    return tuple(found)
+
+
+def _impostors(mesh: int) -> tuple[Impostor, ...]:
+    """Of three of the meshes, of two in two sizes."""
+    found = []
+    for number, rows in enumerate((96, 24)[: (0, 2, 1, 0, 2)[mesh]]):
+        images = tuple((f"{mesh}{number}f{side}" * 4, rows * (8 + side)) for side in range(8 - 2 * number))
+        found.append(Impostor(rows, images, (20 + 30 * number, 40 + 40 * number, 90)))
     return tuple(found)
 
 

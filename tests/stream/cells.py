@@ -6,7 +6,7 @@ import msgspec
 
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.tree import NONE, CellTree
-from farfield.world.index import CellEntry, GeometryEntry, InstancedMesh, MeshLevel, write_picks
+from farfield.world.index import CellEntry, GeometryEntry, Impostor, InstancedMesh, MeshLevel, write_picks
 
 GRID = Grid(leaf_size=8.0, resolution=8, corner=(0.0, 0.0, 0.0), axis_levels=(3, 3, 0))
 TILE_BYTES = 1_000
@@ -18,11 +18,15 @@ STATUE = (MeshLevel("5a" * 8, 6_000, 2_000), MeshLevel("5b" * 8, 700, 120, (("5c
 """Levels of a mesh that is placed in every fourth leaf."""
 
 
-def flat_tree(height: float = 4.0, drawn: int = 0, statues: bool = False) -> CellTree:
+BOARDS = Impostor(64, tuple((f"6{side}" * 8, 900 + side) for side in range(8)), (20, 40, 80))
+"""Images of it."""
+
+
+def flat_tree(height: float = 4.0, drawn: int = 0, statues: bool = False, boards: bool = False) -> CellTree:
     """8 x 8 leaves of 8 m and all above them; every cell has three tiles, of which two are worth their bytes.
 
     Every other leaf places a mesh that they share. height: metres of what is in the cells. drawn: triangles of a leaf.
-    statues: whether every fourth leaf lists a STATUE of 2 m in its middle, too.
+    statues: whether every fourth leaf lists a STATUE of 2 m in its middle, too; boards: with BOARDS of it.
     """
     levels = [[CellKey(3, 0, 0, 0)]]
     for level in (2, 1, 0):
@@ -31,10 +35,10 @@ def flat_tree(height: float = 4.0, drawn: int = 0, statues: bool = False) -> Cel
     keys = [key for cells in levels for key in cells]
     number = {key: n for n, key in enumerate(keys)}
     parents = [number[GRID.parent(key)] if key.level < 3 else NONE for key in keys]
-    return CellTree(GRID, [_entry(key, height, drawn, statues) for key in keys], parents)
+    return CellTree(GRID, [_entry(key, height, drawn, statues, boards) for key in keys], parents)
 
 
-def _entry(key: CellKey, height: float, drawn: int, statues: bool) -> CellEntry:
+def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool) -> CellEntry:
     lower, upper = GRID.bounds(key).tolist()
     picks = tuple(write_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)]) for n in _starts())
     entry = CellEntry(
@@ -52,7 +56,8 @@ def _entry(key: CellKey, height: float, drawn: int, statues: bool) -> CellEntry:
     instances: tuple[InstancedMesh, ...] = ()
     if statues and key.x % 2 == key.y % 2 == 0:
         place = (1.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 4.0, 0.0, 0.0, 1.0, 0.0)
-        instances = (InstancedMesh(((-0.5, -0.5, 0.0), (0.5, 0.5, 2.0)), STATUE, (1 + key.x + 8 * key.y,), (place,)),)
+        box, impostors = ((-0.5, -0.5, 0.0), (0.5, 0.5, 2.0)), (BOARDS,) if boards else ()
+        instances = (InstancedMesh(box, STATUE, (1 + key.x + 8 * key.y,), (place,), impostors),)
     near = GeometryEntry("fe" * 8, GEOMETRY_BYTES, 100, 1, meshes, drawn=drawn)
     return msgspec.structs.replace(entry, geometry=near, instances=instances)
 

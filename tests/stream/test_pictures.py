@@ -17,7 +17,7 @@ from farfield.stream.pictures import FINE, OBJECTS, SHARP, Pictures, Regions, Se
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
 from farfield.world.index import MESH_FARTHEST
-from stream.cells import GEOMETRY_BYTES, GRID, SHARED, STATUE, TILE_BYTES, flat_tree
+from stream.cells import BOARDS, GEOMETRY_BYTES, GRID, SHARED, STATUE, TILE_BYTES, flat_tree
 from stream.test_motion import viewing
 
 FAR = 200.0
@@ -245,6 +245,40 @@ def test_a_level_of_a_mesh_shows_all_of_its_instances_at_once() -> None:
     of_instances = offers.accuracy[uses][offers.objects[uses] >= count]
     widest = 100.0 / seen.focal
     assert 0 < of_instances.max() <= SHARP * widest / GRID.pitch(3)
+
+
+def test_an_image_shows_instances_as_sharp_as_it_is_from_its_side() -> None:
+    tree = flat_tree(statues=True, boards=True)
+    seen, regions = seen_from((32.0, -30.0, 1.0)), Regions(tree)
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    names = {f"texture/{name}": side for side, (name, _) in enumerate(BOARDS.images)}
+    boards = {names[item.keys[0]]: n for n, item in enumerate(items) if names.keys() & item.keys}
+    # Seen from the south, by some from a little east or west: an eighth of a turn is a side.
+    assert set(boards) <= {5, 6, 7}
+    assert [int(offers.sizes[n]) for n in boards.values()] == [900 + side for side in boards]
+    count = len(regions.cells)
+    front = offers.uses(boards[6])
+    rows = offers.objects[front] - count
+    own = tree.instances.bounds[regions.instances[rows]]
+    middle = own.reshape(-1, 2, 3).mean(axis=1)
+    towards = seen.eye - middle
+    away = np.linalg.norm(towards, axis=1)
+    square = np.minimum(-towards[:, 1] / away, np.sin(np.radians(60))) / np.sin(np.radians(60))
+    gap = np.linalg.norm(np.maximum(np.maximum(own[:, :3] - seen.eye, seen.eye - own[:, 3:]), 0.0), axis=1)
+    errors = tree.errors_at(np.array([[20, 40, 80]]) / 255, gap[:, None] / seen.focal, MESH_FARTHEST)[:, 0]
+    whole = offers.accuracy[front, 0] / square**3
+    sharp = 64 * gap / seen.focal / 2.0
+    # The rectangle round a box is a little higher than the box is far away.
+    assert np.allclose(whole, (1 - FINE) * (1 - errors) + FINE * np.minimum(sharp, 1.0), atol=0.04)
+    assert whole.min() > 0.3
+    # One that is there counts, also where another is seen more squarely.
+    pictures.keep({f"texture/{BOARDS.images[4][0]}"})
+    offers, _ = offers_of(pictures, regions, seen)
+    best = np.zeros((len(regions.bounds), offers.accuracy.shape[1], len(SHARES)), np.float32)
+    pictures.shown(look(MotionPredictor().follow(seen), regions.bounds, 0.0, FAR), best)
+    assert 0 < best[count:].max() < 0.9
 
 
 def test_where_all_pictures_are_there_meshes_are_not_sent() -> None:

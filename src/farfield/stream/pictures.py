@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from farfield.kernels.regions import find_regions
 from farfield.octree.cut import view_bins
-from farfield.stream.accuracy import level_accuracy, loss_from, picture_accuracy
+from farfield.stream.accuracy import impostor_accuracy, level_accuracy, loss_from, picture_accuracy
 from farfield.stream.motion import Prediction
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import NONE, REACH, CellTree, CellValues
+from farfield.stream.tree import NONE, REACH, CellTree, CellValues, told_errors
 from farfield.world.index import MESH_FARTHEST
 
 Floats = NDArray[np.float64]
@@ -195,7 +195,9 @@ class Pictures:
         whole = self._whole(outlook, away, dict(zip(first.tolist(), values, strict=True)))
         found = self._geometry(outlook, away, widths, whole)
         self._add_together(found, outlook)
-        self._add_meshes(found, outlook, away, widths, whole)
+        rows = self._placed(outlook, whole)
+        self._add_meshes(found, rows, away, widths)
+        self._add_boards(found, rows, outlook, widths)
         uses = np.array([use for own in found.uses for use in own], np.int32)
         near_accuracy = np.concatenate([np.zeros((0, len(outlook.eyes))), *found.accuracy])
         return self._split(
@@ -363,22 +365,23 @@ class Pictures:
                 uses = [use for n in chosen for use in geometry.uses[n]]
                 geometry.add(value, uses, np.concatenate([geometry.accuracy[n] for n in chosen]))
 
-    def _add_meshes(
-        self, geometry: _Geometry, outlook: Outlook, away: Floats, widths: Floats, whole: NDArray[np.bool_]
-    ) -> None:
-        """Levels of the meshes of instances that will be seen: sent once, placed many times.
+    def _placed(self, outlook: Outlook, whole: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Rows of the regions' instances that will be seen, by mesh.
 
         Where all pictures are there, instances are drawn by these.
         """
+        regions = self._regions
+        rows = np.flatnonzero(outlook.visible[len(regions.cells) :].any(axis=1) & ~whole[regions.homes])
+        return rows[np.argsort(regions.tree.instances.mesh[regions.instances[rows]], kind="stable")]
+
+    def _add_meshes(self, geometry: _Geometry, rows: NDArray[np.int64], away: Floats, widths: Floats) -> None:
+        """Levels of the meshes of instances that will be seen: sent once, placed many times."""
         regions, tree = self._regions, self._regions.tree
         count, listed = len(regions.cells), tree.instances
-        rows = np.flatnonzero(outlook.visible[count:].any(axis=1) & ~whole[regions.homes])
-        rows = rows[np.argsort(listed.mesh[regions.instances[rows]], kind="stable")]
         meshes, homes, uses = listed.mesh[regions.instances[rows]], regions.homes[rows], count + rows
         near = self._near(away)[homes]
         finest = np.array([tree.finest_afar(cell) for cell in regions.cells[homes].tolist()], np.int64)
-        starts = np.flatnonzero(np.append(True, meshes[1:] != meshes[:-1])) if len(rows) else np.zeros(0, np.int64)
-        ends = np.append(starts[1:], len(rows))
+        starts, ends = _runs(meshes)
         last = listed.levels[meshes] - 1
         areas = listed.sides[regions.instances[rows], None] / widths[uses] ** 2
         for level in range(int(last.max(initial=-1)) + 1):
@@ -390,6 +393,37 @@ class Pictures:
                 if level <= last[start]:
                     value = listed.forms[meshes[start]].values[level]
                     geometry.add(value, uses[start:end].tolist(), accuracy[start:end])
+
+    def _add_boards(self, geometry: _Geometry, rows: NDArray[np.int64], outlook: Outlook, widths: Floats) -> None:
+        """Images of instances that will be seen, from the sides that they will be seen from, and those that are there.
+
+        As sharp as an image, and seen as squarely (BEN 4.1); the other half is the error that the bake measured.
+        """
+        regions, listed = self._regions, self._regions.tree.instances
+        rows = rows[[len(listed.impostors[mesh]) > 0 for mesh in listed.mesh[regions.instances[rows]].tolist()]]
+        own = regions.instances[rows]
+        meshes, uses = listed.mesh[own], len(regions.cells) + rows
+        turn, shift = listed.inverse[own, :, :3], listed.inverse[own, :, 3] - listed.boxes[meshes].mean(axis=1)
+        towards = np.einsum("nij,kj->nki", turn, outlook.eyes) + shift[:, None]
+        away = np.linalg.norm(towards, axis=2)
+        azimuth = np.arctan2(towards[..., 1], towards[..., 0])
+        level = np.hypot(towards[..., 0], towards[..., 1]) / np.maximum(away, 1e-12)
+        seen = outlook.visible[uses] > 0
+        for start, end in zip(*map(np.ndarray.tolist, _runs(meshes)), strict=True):
+            part, mesh = slice(start, end), int(meshes[start])
+            for impostor, boards in zip(listed.impostors[mesh], listed.boards[mesh], strict=True):
+                step = 2 * np.pi / len(boards)
+                nearest = np.rint(azimuth[part] / step).astype(np.int64) % len(boards)
+                sides = set(nearest[seen[part]].tolist())
+                sides.update(side for side, board in enumerate(boards) if board.keys[0] in self.held)
+                told = np.repeat(told_errors(impostor.errors)[None], end - start, axis=0)
+                errors = self._regions.tree.errors_at(told, widths[uses[part]], MESH_FARTHEST)
+                sharp = impostor_accuracy(impostor.rows, np.maximum(outlook.height[uses[part]], 1e-9), np.pi / 2)
+                shown = (1 - FINE) * (1 - errors) + FINE * sharp
+                for side in sorted(sides):
+                    across = level[part] * np.cos(azimuth[part] - side * step)
+                    accuracy = shown * impostor_accuracy(1.0, 1.0, np.arcsin(np.clip(across, 0.0, 1.0)))
+                    geometry.add(boards[side], uses[part].tolist(), accuracy)
 
     def _lacking(self, value: CellValues) -> dict[str, int]:
         """Key and bytes of what the viewer lacks of it."""
@@ -443,6 +477,12 @@ class Pictures:
         tree, least_gain = self._regions.tree, self._regions.shape.least_gain
         bins = view_bins(tree.bounds[cells].reshape(-1, 2, 3).mean(axis=1), eye)
         return [tree.pictures(*one, least_gain) for one in zip(cells.tolist(), bins.tolist(), strict=True)]
+
+
+def _runs(meshes: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each run of the same begins and ends."""
+    starts = np.flatnonzero(np.append(True, meshes[1:] != meshes[:-1])) if len(meshes) else np.zeros(0, np.int64)
+    return starts, np.append(starts[1:], len(meshes))[: len(starts)]
 
 
 def _distances(boxes: Floats, eyes: Floats) -> Floats:

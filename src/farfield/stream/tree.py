@@ -14,8 +14,8 @@ from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
 from farfield.stream.offers import SHARES
-from farfield.world.index import ERROR_SPACING, CellEntry, InstancedMesh
-from farfield.world.keys import mesh_key, orthoview_key
+from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
+from farfield.world.keys import mesh_key, orthoview_key, texture_key
 from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
 
@@ -105,6 +105,14 @@ class Instances:
     """(meshes, levels) triangles of each level; of those with fewer levels 1 behind their ends."""
     told: Floats
     """(meshes, levels, 3) their errors; the same."""
+    boxes: Floats
+    """(meshes, 2, 3) bounds of each mesh in its own frame."""
+    impostors: tuple[tuple[Impostor, ...], ...]
+    """Of each mesh."""
+    boards: tuple[tuple[tuple[CellValues, ...], ...], ...]
+    """Of each mesh, of each of its impostors, the image of each side."""
+    inverse: Floats
+    """(m, 3, 4) from local metres to the mesh's frame; zeros of those that have no extent in some direction."""
 
     @classmethod
     def of(cls, grid: Grid, entries: Sequence[CellEntry]) -> Instances:
@@ -136,7 +144,12 @@ class Instances:
         table = np.ones(told.shape[:2])
         for number, count in enumerate(counts):
             table[number, : len(count)] = count
-        return cls(*every, of[:, 0].copy(), of[:, 1].copy(), forms, counts, levels, table, told)
+        boxes = np.array([mesh.bounds for mesh in meshes], np.float64).reshape(-1, 2, 3)
+        boards = tuple(_boards(mesh) for mesh in meshes)
+        return cls(
+            *every, of[:, 0].copy(), of[:, 1].copy(), forms, counts, levels, table, told,
+            boxes, tuple(mesh.impostors for mesh in meshes), boards, _inverse(every[1]),
+        )  # fmt: skip
 
     @property
     def sides(self) -> Floats:
@@ -152,8 +165,39 @@ def _mesh_forms(listed: InstancedMesh) -> CellForms:
         values.append(
             CellValues(listed.levels[0].hash, True, keys, sizes, (), (len(keys),), 1, number, frozenset(keys))
         )
-        errors.append(_told(level.errors))
+        errors.append(told_errors(level.errors))
     return CellForms(tuple(values), np.array(errors), np.ones(len(values), bool))
+
+
+def _boards(listed: InstancedMesh) -> tuple[tuple[CellValues, ...], ...]:
+    """Numbered as levels behind all others of the mesh."""
+    return tuple(
+        tuple(
+            CellValues(
+                listed.levels[0].hash,
+                True,
+                (texture_key(name),),
+                (size,),
+                (),
+                (1,),
+                1,
+                len(listed.levels) + MOST_SIDES * number + side,
+                frozenset([texture_key(name)]),
+            )
+            for side, (name, size) in enumerate(impostor.images)
+        )
+        for number, impostor in enumerate(listed.impostors)
+    )
+
+
+def _inverse(transforms: Floats) -> Floats:
+    """(m, 3, 4) of (m, 3, 4); zeros where there is none."""
+    turns = transforms[:, :, :3]
+    has_one = np.abs(np.linalg.det(turns)) > 1e-12
+    found = np.zeros_like(transforms)
+    found[has_one, :, :3] = np.linalg.inv(turns[has_one])
+    found[:, :, 3] = -np.einsum("nij,nj->ni", found[:, :, :3], transforms[:, :, 3])
+    return found
 
 
 def _placed_boxes(bounds: Floats, transforms: Floats) -> Floats:
@@ -186,7 +230,7 @@ class CellTree:
         """(n, 6) the same of what is in them."""
         self.errors = np.array([entry.error for entry in entries], np.float64)
         """(n,) metres between the pixels of their pictures."""
-        told = [_told(entry.errors) if entry.errors else np.array(UNTOLD) for entry in entries]
+        told = [told_errors(entry.errors) if entry.errors else np.array(UNTOLD) for entry in entries]
         self.told = np.array(told).reshape(-1, _REACHES)
         """(n, 3) errors of their pictures, 0 to 1, for the views that CellEntry.errors tells them for."""
         self.losses = np.full(len(entries), UNTOLD_LOSS)
@@ -286,7 +330,7 @@ class CellTree:
             own_sizes = tuple(sizes.values())
             steps, by_themselves = (len(sizes),), refers & listed
             values.append(CellValues(name, True, tuple(sizes), own_sizes, (), steps, 1, level, refers, by_themselves))
-            errors.append(np.mean([_told(form.errors) for _, form in own], axis=0))
+            errors.append(np.mean([told_errors(form.errors) for _, form in own], axis=0))
             drawn = [form.drawn or (0 if form.instances else form.triangles) for _, form in own]
             far.append(all(drawn) and sum(drawn) <= most)
         return CellForms(tuple(values), np.array(errors), np.array(far, bool))
@@ -316,7 +360,7 @@ class CellTree:
         return np.asarray(low + (high - low) * (at - below))
 
 
-def _told(errors: Sequence[int]) -> Floats:
+def told_errors(errors: Sequence[int]) -> Floats:
     """(3,) errors of the index, 0 to 1; what is told for fewer views goes on as it ends."""
     known = tuple(errors[:_REACHES]) or (0,)
     return np.array([*known, *known[-1:] * (_REACHES - len(known))]) / 255

@@ -70,5 +70,5 @@ def meshes_of(entry: CellEntry) -> dict[str, int]:
 
 
 def images_of(entry: CellEntry) -> dict[str, int]:
-    """Hash and bytes of the images by which a leaf's instances are shown as boards; those of meshes are not among them."""
+    """Hash and bytes of the images by which a leaf's instances are shown as boards, those of meshes apart."""
     return dict(image for mesh in entry.instances for one in mesh.impostors for image in one.images)
