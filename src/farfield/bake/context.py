@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.bake.instances import make_mesh_levels, shared_meshes
+from farfield.bake.instances import make_impostors, make_mesh_levels, shared_meshes
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan
 from farfield.bake.survey import MeshCache
@@ -26,7 +26,7 @@ from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
 from farfield.scene.stored.scene import MeshSummary
 from farfield.store.contract import Store
-from farfield.world.index import MeshLevel
+from farfield.world.index import Impostor, MeshLevel
 from farfield.world.keys import content_hash, mesh_key, texture_key
 
 FINENESS = 32
@@ -91,6 +91,7 @@ class BakeContext:
         self._images: dict[tuple[int, bool, int], tuple[Texture, str, int]] = {}
         self._anchors: dict[int, NDArray[np.float64]] = {}
         self._mesh_levels: dict[int, tuple[MeshLevel, ...]] = {}
+        self._impostors: dict[int, tuple[Impostor, ...]] = {}
         self._mesh_forms: dict[int, tuple[Form, ...]] = {}
         self._mesh_files: dict[tuple[int, int, int], MeshForm] = {}
         self._unstored: dict[str, bytes] = {}
@@ -134,11 +135,9 @@ class BakeContext:
         place = id(texture), masked, halvings
         if place not in self._images:
             levels = self._mips.get(texture, masked) if halvings else [texture.pixels]
-            data = encode_texture(Texture(levels[min(halvings, len(levels) - 1)]))
-            name = content_hash(data)
-            self._unstored[texture_key(name)] = data
             # The texture is kept with its hash: its id must not be given to another while the entry stands.
-            self._images[place] = texture, name, len(data)
+            made = self.image_of(encode_texture(Texture(levels[min(halvings, len(levels) - 1)])))
+            self._images[place] = texture, *made
         return self._images[place][1:]
 
     def material_hash(self, material: Material) -> bytes:
@@ -168,10 +167,12 @@ class BakeContext:
     def mesh_forms(self, mesh: int) -> tuple[Form, ...]:
         """A shared mesh and its levels."""
         if mesh not in self._mesh_forms:
-            loaded = self.meshes.get(mesh)
-            table = MaterialTable.build(loaded.materials, TexturePool(self._mips))
-            self._mesh_forms[mesh] = forms_of(Chunk.whole(loaded.blocks), table)
+            self._mesh_forms[mesh] = forms_of(Chunk.whole(self.meshes.get(mesh).blocks), self.mesh_table(mesh))
         return self._mesh_forms[mesh]
+
+    def mesh_table(self, mesh: int) -> MaterialTable:
+        """Materials of one mesh."""
+        return MaterialTable.build(self.meshes.get(mesh).materials, TexturePool(self._mips))
 
     def mesh_anchor(self, mesh: int) -> NDArray[np.float64]:
         """(3,) middle of a mesh's first triangle, in its frame: where its instances have their place."""
@@ -185,6 +186,18 @@ class BakeContext:
         if mesh not in self._mesh_levels:
             self._mesh_levels[mesh] = make_mesh_levels(self, mesh)
         return self._mesh_levels[mesh]
+
+    def mesh_impostors(self, mesh: int) -> tuple[Impostor, ...]:
+        """Images of a shared mesh as the index lists them. They are stored by `keep`."""
+        if mesh not in self._impostors:
+            self._impostors[mesh] = make_impostors(self, mesh)
+        return self._impostors[mesh]
+
+    def image_of(self, data: bytes) -> tuple[str, int]:
+        """Hash and bytes of an encoded image. It is stored by `keep`."""
+        name = content_hash(data)
+        self._unstored[texture_key(name)] = data
+        return name, len(data)
 
     def mesh_file(self, mesh: int, shape: int, halvings: int) -> MeshForm:
         """A form of a shared mesh, the coarsest beyond that, its images halved that often. It is stored by `keep`."""

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.octree.grid import CellKey, Grid
-from farfield.represent.geometry.forms import errors_at
+from farfield.represent.geometry.forms import Form, errors_at
+from farfield.represent.geometry.impostor import impostors_of
 from farfield.scene.model import Instances
 from farfield.scene.stored.scene import MeshSummary
-from farfield.world.index import ERROR_SPACING, MESH_FARTHEST, MOST_INSTANCES, InstancedMesh, MeshLevel
+from farfield.world.index import ERROR_SPACING, MESH_FARTHEST, MOST_INSTANCES, Impostor, InstancedMesh, MeshLevel
+from farfield.world.keys import texture_key
 from farfield.world.reach import level_values
 
 if TYPE_CHECKING:
@@ -29,6 +31,9 @@ SEEN = 1.5
 """Times the error of a form that is told of it: by 1 - FLIP / FLIP of nothing of whole pictures near leaves that are
 drawn by it are worse than its own pictures say. With this Tokyo's level is told to .02, those of statues are still told
 .03 to .07 too good (docs/performance.md, Near geometry)."""
+WORTH = 12 << 10
+"""Bytes of a mesh with its images from which on it has impostors: statues of 2,000 triangles take 6 kB, and their
+levels show more than an image does."""
 WIDTHS = 3
 """Views that errors are told for."""
 
@@ -89,7 +94,9 @@ def _listed(context: BakeContext, mesh: int, rows: NDArray[np.int64], corner: ND
     places = tuple(tuple(float(str(value)) for value in row) for row in flat[order].astype(np.float32))
     levels = context.mesh_levels(mesh)
     context.keep(key for level in levels for key, _ in level_values(level))
-    return InstancedMesh((lower, upper), levels, tuple(table.first_object[rows[order]].tolist()), places)
+    impostors = context.mesh_impostors(mesh)
+    context.keep(texture_key(name) for one in impostors for name, _ in one.images)
+    return InstancedMesh((lower, upper), levels, tuple(table.first_object[rows[order]].tolist()), places, impostors)
 
 
 def make_mesh_levels(context: BakeContext, mesh: int) -> tuple[MeshLevel, ...]:
@@ -100,15 +107,31 @@ def make_mesh_levels(context: BakeContext, mesh: int) -> tuple[MeshLevel, ...]:
     found = [MeshLevel(full.hash, full.bytes, full.triangles, tuple(sorted(full.images.items())))]
     for shape in range(0 if full.images else 1, len(forms)):
         file = context.mesh_file(mesh, shape, HALVINGS)
-        errors = _errors(context, mesh, shape, extent)
+        errors = _errors(context, forms, shape, extent, HALVINGS)
         found.append(MeshLevel(file.hash, file.bytes, file.triangles, tuple(sorted(file.images.items())), errors))
     return tuple(found)
 
 
-def _errors(context: BakeContext, mesh: int, shape: int, extent: float) -> tuple[int, ...]:
-    forms, farthest = context.mesh_forms(mesh), MESH_FARTHEST * context.grid.pitch(0)
+def make_impostors(context: BakeContext, mesh: int) -> tuple[Impostor, ...]:
+    """Images of a mesh from round about; none where the mesh itself is cheap, or light does not fall on it."""
+    full = context.mesh_levels(mesh)[0]
+    loaded = context.meshes.get(mesh)
+    if sum(size for _, size in level_values(full)) < WORTH or any(one.unlit for one in loaded.materials):
+        return ()
+    form = context.mesh_forms(mesh)[0]
+    extent = form.extent * _scale(context.job.scene.instances, mesh)
+    found = []
+    for one in impostors_of(form.chunk, context.mesh_table(mesh), _box(context.job.summaries[mesh])):
+        as_form = Form(form.chunk, one.errors, 0.0, form.extent, 0.0, ())
+        images = tuple(context.image_of(data) for data in one.images)
+        found.append(Impostor(one.rows, images, _errors(context, (as_form,), 0, extent, 0)))
+    return tuple(found)
+
+
+def _errors(context: BakeContext, forms: Sequence[Form], shape: int, extent: float, halvings: int) -> tuple[int, ...]:
+    farthest = MESH_FARTHEST * context.grid.pitch(0)
     widths = (farthest / ERROR_SPACING**n for n in range(WIDTHS))
-    each = (SEEN * errors_at(forms, shape, extent, width, HALVINGS) for width in widths)
+    each = (SEEN * errors_at(forms, shape, extent, width, halvings) for width in widths)
     return tuple(round(255 * min(error, 1.0)) for error in each)
 
 

@@ -8,7 +8,7 @@ pixels), and about its value: the mean of FLIP's over this is .91, 1.11, 1.19.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,11 +54,11 @@ class Likeness:
     """For each frame and size (h, w, 3) CIELAB."""
 
     @classmethod
-    def of(cls, chunk: Chunk, materials: MaterialTable) -> Likeness:
-        """Draws a mesh; one without any extent is like everything."""
+    def of(cls, chunk: Chunk, materials: MaterialTable, sides: Sequence[tuple[float, float]] = SIDES) -> Likeness:
+        """Draws a mesh; one without any extent is like everything. sides: as SIDES."""
         extent = float(np.ptp(chunk.bounds, axis=0).max())
         pitch = max(extent, 1e-6) / (PIXELS[-1] * SAMPLES)
-        frames = tuple(_Frame.around(chunk, Direction(26, _toward(*side)), pitch) for side in SIDES)
+        frames = tuple(_Frame.around(chunk, Direction(26, _toward(*side)), pitch) for side in sides)
         return cls(materials, frames, tuple(_pictures(frame.draw(chunk, materials)) for frame in frames))
 
     def errors(self, level: Chunk) -> tuple[float, ...]:
@@ -66,11 +66,15 @@ class Likeness:
 
         It can be above 1. Materials are those of the mesh.
         """
+        return self.errors_by((level, self.materials) for _ in self.frames)
+
+    def errors_by(self, shown: Iterable[tuple[Chunk, MaterialTable]]) -> tuple[float, ...]:
+        """The same, with something else shown from each of the sides."""
         wrong, empty = np.zeros(len(PIXELS)), np.zeros(len(PIXELS))
         sky = _lab(SKY)
-        for frame, pictures in zip(self.frames, self.pictures, strict=True):
-            for k, (true, shown) in enumerate(zip(pictures, _pictures(frame.draw(level, self.materials)), strict=True)):
-                wrong[k] += _distance(true, shown)
+        for frame, pictures, (chunk, materials) in zip(self.frames, self.pictures, shown, strict=True):
+            for k, (true, other) in enumerate(zip(pictures, _pictures(frame.draw(chunk, materials)), strict=True)):
+                wrong[k] += _distance(true, other)
                 empty[k] += _distance(true, np.broadcast_to(sky, true.shape))
         return tuple(float(e) for e in wrong / np.maximum(empty, 1e-12))
 
