@@ -11,23 +11,26 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
+from farfield.represent.geometry.board import board_matrix, squareness
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.pictures import pixel_width
-from farfield.stream.tree import REACH, CellTree
-from farfield.world.index import CellEntry
+from farfield.stream.tree import REACH, CellTree, told_errors
+from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
+from farfield.world.keys import texture_key
 from farfield.world.world import World
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedInstance:
-    """A shared mesh in its place."""
+    """A shared mesh, or a board in its stead, in its place."""
 
-    mesh: str
-    """Its key."""
+    key: str
+    """Of the mesh, or of the image on the board."""
     transform: NDArray[np.float64]
-    """(3, 4) from the mesh's frame to local metres."""
+    """(3, 4) from the mesh's or the board's frame (see `board_matrix`) to local metres."""
     first: int
     """Object id of the mesh's object 0."""
+    is_board: bool = False
 
 
 class Kinds:
@@ -45,43 +48,89 @@ class Kinds:
         if number is None:
             return []
         bounds, forms = tree.bounds[number], tree.forms(number)
-        away = np.asarray(np.linalg.norm(np.maximum(np.maximum(bounds[:3] - self._eye, self._eye - bounds[3:]), 0.0)))
+        away = self._away(bounds)
         if away >= REACH * tree.grid.leaf_size:
             return []
         width = pixel_width(bounds, away, self._focal)
         for level, value in enumerate(forms.values):
             if forms.far[level] and all(key in held for key in value.keys):
-                error = float(tree.errors_at(forms.errors[level : level + 1], np.full((1, 1), width))[0, 0])
-                better = 1 - error >= self._pictures(number, width, held)
+                better = self._shown(forms.errors[level], width) >= self._pictures(number, width, held)
                 return [tree.entries[leaf] for leaf in tree.leaves_below(number)] if better else []
         return []
 
     def instances_of(
         self, cell: CellKey, held: Collection[str], is_near: bool, leaves: Collection[CellKey] = ()
     ) -> list[PlacedInstance]:
-        """The instances in a cell whose meshes are held, each by the finest level: what shows them meanwhile.
+        """The instances in a cell of which meshes or boards are held, each by what shows most: what is seen meanwhile.
 
         leaves: that are drawn as geometry; what reaches into no other ones is left out.
         """
         tree, number = self._tree, self._numbers.get(cell)
-        listed = tree.instances
+        if number is None:
+            return []
         found = []
-        for row in [] if number is None else tree.instances_below(number).tolist():
-            if leaves and self._is_within(listed.bounds[row], leaves):
+        for row in tree.instances_below(number).tolist():
+            if leaves and self._is_within(tree.instances.bounds[row], leaves):
                 continue
-            values = listed.forms[int(listed.mesh[row])].values
-            mesh = next(
-                (
-                    one.keys[-1]
-                    for one in values
-                    if (is_near or tree.may_be_afar(number or 0, one.level, len(values)))
-                    and all(key in held for key in one.keys)
-                ),
-                None,
-            )
-            if mesh is not None:
-                found.append(PlacedInstance(mesh, listed.transforms[row], int(listed.objects[row])))
+            mesh, most = self._mesh_of(number, row, held, is_near)
+            instance = self._board_of(row, held, most) or mesh
+            if instance is not None:
+                found.append(instance)
         return found
+
+    def _mesh_of(
+        self, cell: int, row: int, held: Collection[str], is_near: bool
+    ) -> tuple[PlacedInstance | None, float]:
+        """An instance by the finest level that is held, and how much that shows; None, 0: none may be drawn."""
+        tree, listed = self._tree, self._tree.instances
+        forms = listed.forms[int(listed.mesh[row])]
+        for value, errors in zip(forms.values, forms.errors, strict=True):
+            may_be = is_near or tree.may_be_afar(cell, value.level, len(forms.values))
+            if may_be and all(key in held for key in value.keys):
+                placed = PlacedInstance(value.keys[-1], listed.transforms[row], int(listed.objects[row]))
+                return placed, self._shown(errors, self._width(row), MESH_FARTHEST)
+        return None, 0.0
+
+    def _board_of(self, row: int, held: Collection[str], most: float) -> PlacedInstance | None:
+        """An instance by the board that shows most of those that are held; None: none shows more than `most`."""
+        listed = self._tree.instances
+        mesh, transform = int(listed.mesh[row]), listed.transforms[row]
+        found = None
+        for impostor in listed.impostors[mesh]:
+            for side, shown in self._sides(impostor, row, held):
+                if shown > most:
+                    found, most = (impostor, side), shown
+        if found is None:
+            return None
+        impostor, side = found
+        matrix = transform[:, :3] @ board_matrix(listed.boxes[mesh], side, len(impostor.images))
+        matrix[:, 3] += transform[:, 3]
+        return PlacedInstance(texture_key(impostor.images[side][0]), matrix, int(listed.objects[row]), is_board=True)
+
+    def _sides(self, impostor: Impostor, row: int, held: Collection[str]) -> list[tuple[int, float]]:
+        """The boards of an instance that are held, and how much each shows."""
+        sides = [side for side, (name, _) in enumerate(impostor.images) if texture_key(name) in held]
+        if not sides:
+            return []
+        listed = self._tree.instances
+        box, transform = listed.boxes[int(listed.mesh[row])], listed.transforms[row]
+        square = squareness(box, len(impostor.images), transform[None], self._eye[None])[0, 0]
+        shown = self._shown(told_errors(impostor.errors), self._width(row), MESH_FARTHEST) * square
+        return [(side, float(shown[side])) for side in sides]
+
+    def _shown(self, errors: NDArray[np.float64], width: NDArray[np.float64], farthest: float = 1.0) -> float:
+        """How much is shown by what has these errors, (3,), where a pixel is so wide; see CellTree.errors_at."""
+        return 1 - float(self._tree.errors_at(errors[None], np.full((1, 1), width), farthest)[0, 0])
+
+    def _width(self, row: int) -> NDArray[np.float64]:
+        """Metres that a pixel is wide on an instance."""
+        bounds = self._tree.instances.bounds[row]
+        return pixel_width(bounds, self._away(bounds), self._focal)
+
+    def _away(self, bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Metres to a box, (6,); 0 inside."""
+        gap = np.maximum(np.maximum(bounds[:3] - self._eye, self._eye - bounds[3:]), 0.0)
+        return np.asarray(np.linalg.norm(gap))
 
     def _is_within(self, box: NDArray[np.float64], leaves: Collection[CellKey]) -> bool:
         first, last = self._tree.grid.leaf_index(box.reshape(2, 3)).tolist()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey
 from farfield.represent.blocks import BlockedMesh
+from farfield.represent.geometry.board import board_mesh
 from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb
 from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
@@ -38,6 +39,7 @@ class NearGeometry:
         self._world, self._eye = world, eye
         self._textures: dict[str, Texture] = {}
         self._meshes: dict[str, tuple[BlockedMesh, int]] = {}
+        """Mesh, or board with an image, by its key, and the number of its first material."""
         self.bytes = 0
         """Encoded size of everything read so far."""
 
@@ -64,11 +66,11 @@ class NearGeometry:
         return unreadable
 
     def draw_instances(self, instances: Iterable[PlacedInstance], batches: Batches) -> int:
-        """Draws instances whole; returns how many cannot be read."""
+        """Draws instances whole, by their meshes or by boards; returns how many cannot be read."""
         unreadable = 0
         for instance in instances:
             try:
-                mesh, base = self._mesh(instance.mesh, batches)
+                mesh, base = (self._board if instance.is_board else self._mesh)(instance.key, batches)
             except CorruptTileError:
                 unreadable += 1
                 continue
@@ -106,11 +108,20 @@ class NearGeometry:
             self._meshes[key] = BlockedMesh.from_mesh(mesh), batches.add_materials(mesh.materials)
         return self._meshes[key]
 
+    def _board(self, key: str, batches: Batches) -> tuple[BlockedMesh, int]:
+        """The board with an image and the number of its material."""
+        if key not in self._meshes:
+            board = board_mesh(self._image(key))
+            self._meshes[key] = BlockedMesh.from_mesh(board), batches.add_materials(board.materials)
+        return self._meshes[key]
+
     def _texture(self, name: str) -> Texture:
-        if name not in self._textures:
-            key = texture_key(name)
-            self._textures[name] = decode_texture(self._read(key), key)
-        return self._textures[name]
+        return self._image(texture_key(name))
+
+    def _image(self, key: str) -> Texture:
+        if key not in self._textures:
+            self._textures[key] = decode_texture(self._read(key), key)
+        return self._textures[key]
 
     def _read(self, key: str) -> bytes:
         try:

@@ -156,8 +156,11 @@ class _Drawing:
             0.0, self._cells, self._orthoviews, self._splats, self._triangles, self._bytes, self.unreadable
         )
 
-    def draw_pictures(self, keys: Iterable[CellKey]) -> list[CellEntry]:
-        """Draws cells from their orthoviews, the nearest first; returns leaves that are geometry in their place."""
+    def draw_pictures(self, keys: Iterable[CellKey], are_placed: bool = False) -> list[CellEntry]:
+        """Draws cells from their orthoviews, the nearest first; returns leaves that are geometry in their place.
+
+        are_placed: whether the instances in them are drawn already.
+        """
         wanted, geometry = [], []
         for entry in self._seen(keys):
             if leaves := self._geometry_of(entry):
@@ -166,7 +169,8 @@ class _Drawing:
             cell = self._wanted(entry)
             held = self._held(cell)
             if len(held.places) < len(cell.places):
-                self._place(entry, is_near=False)
+                if not are_placed:
+                    self._place(entry, is_near=False)
                 self._stand_in(entry.cell, behind=bool(held.places))
             if held.places or not cell.places:
                 wanted.append(held)
@@ -201,7 +205,7 @@ class _Drawing:
         for cell in drawn:
             # What reaches out of the leaves that are drawn would be cut off there.
             self._place(self._world.entry(cell), is_near=True, leaves=drawn)
-        self.draw_pictures(entry.cell for entry in without)
+        self.draw_pictures((entry.cell for entry in without), are_placed=True)
         entries = [entry for entry in entries if self._has_geometry(entry)] + self._seen(e.cell for e in afar)
         reader = NearGeometry(self._world, self._eye)
         drawing = GeometryPass(self.frame, self._options.light)
