@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import struct
 import time
@@ -273,3 +274,21 @@ def test_a_value_that_is_gone_is_said_to_be_missing(tmp_path: Path, cells: Store
         assert json.loads(viewer.socket.recv(timeout=5))["type"] == "missing"
         viewer.hear(0.7)
         assert len(viewer.values) > 20
+
+
+def test_clocks_that_jump_change_nothing(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine's clock is set, forwards and back, all the time."""
+    jumps, true = itertools.cycle((0.0, 86_400.0, -3_600.0)), time.time
+    monkeypatch.setattr(time, "time", lambda: true() + next(jumps))
+    begun = time.monotonic()
+    with session(url) as viewer:
+        welcomed(viewer)
+        viewer.say(**VIEW)
+        viewer.hear(1.0)
+        first = len(viewer.values)
+        viewer.say(**VIEW | {"eye": [60.0, 60.0, 10.0], "forward": [-0.7, -0.7, -0.14]})
+        viewer.hear(1.0)
+    assert first > 20
+    assert len(viewer.values) > first
+    assert not viewer.cancelled
+    assert time.monotonic() < begun + 30
