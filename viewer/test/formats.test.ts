@@ -66,6 +66,33 @@ describe("decodeIndexTile", () => {
     expect(core.decodeIndexTile(placing(...instances), "here")[0]!.instances).toEqual(instances);
   });
 
+  const IMPOSTOR = { rows: 96, images: [[LEVEL.hash, 940]] };
+
+  it("reads images of what is placed from round about", () => {
+    const most = { rows: 4096, images: times(32, [LEVEL.hash, 0]), errors: times(8, 255) };
+    const instances = [{ ...PLACED, impostors: times(4, most) }, { ...PLACED, impostors: [{ ...IMPOSTOR, rows: 1 }] }, { ...PLACED, impostors: [] }];
+    expect(core.decodeIndexTile(placing(...instances), "here")[0]!.instances).toEqual(instances);
+  });
+
+  it.each<[string, unknown]>([
+    ["no list", IMPOSTOR],
+    ["too many", times(5, IMPOSTOR)],
+    ["no object", [null]],
+    ["no rows", [{ images: IMPOSTOR.images }]],
+    ["no row at all", [{ ...IMPOSTOR, rows: 0 }]],
+    ["too many rows", [{ ...IMPOSTOR, rows: 4097 }]],
+    ["half a row", [{ ...IMPOSTOR, rows: 9.5 }]],
+    ["no images", [{ rows: 96 }]],
+    ["no image at all", [{ ...IMPOSTOR, images: [] }]],
+    ["too many images", [{ ...IMPOSTOR, images: times(33, IMPOSTOR.images[0]) }]],
+    ["an image that leads elsewhere", [{ ...IMPOSTOR, images: [["../../secret0000", 9]] }]],
+    ["an image of no bytes", [{ ...IMPOSTOR, images: [[LEVEL.hash]] }]],
+    ["an error beyond everything", [{ ...IMPOSTOR, errors: [256] }]],
+    ["too many errors", [{ ...IMPOSTOR, errors: times(9, 1) }]],
+  ])("refuses impostors that are %s", (_, impostors) => {
+    expect(() => core.decodeIndexTile(placing({ ...PLACED, impostors }), "here")).toThrow(expect.objectContaining({ tag: "corrupt" }));
+  });
+
   it.each<[string, unknown[]]>([
     ["too many meshes", times(17, PLACED)],
     ["no object", [null]],

@@ -33,7 +33,7 @@ function statues(changes: Partial<CellEntry> = {}) {
 const AFAR = { near: 0.01, eye: [2, -5, 0.5] as Vector3, farGeometry: true };
 const plan = (root: Cell, changes = {}): Plan => makePlan([root], DIRECTIONS, view({ ...AFAR, ...changes }));
 /** Leaves of which instances are drawn, and in which form. */
-const drawn = ({ instances }: Plan): string[] => instances.map(({ placed, form }) => `${placed.corner.join()} ${form.level}`);
+const drawn = ({ instances }: Plan): string[] => instances.map(({ placed, form }) => `${placed.corner.join()} ${"level" in form ? form.level : form.mesh.key}`);
 
 const resource = (key = "mesh/1"): Resource => new Resource(key, "mesh", 10, null);
 
@@ -42,7 +42,7 @@ describe("placedMesh", () => {
     // x to y twice as large, y to -x, z mirrored.
     const turned = [0, -1, 0, 10, 2, 0, 0, 20, 0, 0, -1, 30];
     const listed = { ...STATUE, bounds: [[1, 2, 3], [2, 4, 6]] as const, objects: [5, 6], transforms: [turned, STATUE.transforms[0]!] };
-    const { instances, bounds, corner } = placedMesh(listed, [100, 200, 300], [meshForm(STATUE.levels[0]!, 0, resource())]);
+    const { instances, bounds, corner } = placedMesh(listed, [100, 200, 300], { forms: [meshForm(STATUE.levels[0]!, 0, resource())], impostors: [] });
     expect([...instances[0]!.transform]).toEqual([0, 2, 0, 0, -1, 0, 0, 0, 0, 0, -1, 0, 10, 20, 30, 1]);
     expect(instances[0]!.bounds).toEqual({ lower: [106, 222, 324], upper: [108, 224, 327] });
     expect(instances[1]).toMatchObject({ object: 6, bounds: { lower: [101.5, 202.5, 303], upper: [102.5, 204.5, 306] } });

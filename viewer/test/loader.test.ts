@@ -284,9 +284,9 @@ describe("Loader", () => {
       expect(asked).toEqual(["orthoview/0", "orthoview/1", "orthoview/39"]);
     });
 
-    it("of a mesh that no plan has asked for is told, and it is decoded as soon as one does", async () => {
+    it.each(["mesh", "impostor"] as const)("of a mesh that no plan has asked for is told, and is decoded once one does (%s)", async (kind) => {
       const { loader, seen } = makeLoader();
-      const mesh = new Resource("mesh/0123456789abcdef", "mesh", 1000, null);
+      const mesh = new Resource("mesh/0123456789abcdef", kind, 1000, null);
       const [tile] = resources(1);
       for (const resource of [mesh, tile!]) {
         loader.awaits(resource, 1000);

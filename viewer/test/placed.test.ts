@@ -22,7 +22,7 @@ function draw(model: NearModel, corner: Vector3, ...places: number[]): Instances
     bounds: [[0, 0, 0], [1, 1, 1]], levels: [{ hash: "1", bytes: 10, triangles: 12 }],
     objects: places, transforms: places.map(turned),
   };
-  const placed = placedMesh(listed, corner, [meshForm(listed.levels[0]!, 0, mesh)]);
+  const placed = placedMesh(listed, corner, { forms: [meshForm(listed.levels[0]!, 0, mesh)], impostors: [] });
   return { placed, form: placed.forms[0]! };
 }
 

@@ -76,6 +76,7 @@ const VIEW: ViewMessage = {
 
 const last = (): FakeSocket => FakeSocket.made.at(-1)!;
 const keyOf = (n: number): string => `orthoview/0/${n}/0/0/4/0-00`;
+const BOARD = "texture/fedcba9876543210";
 /** What the values of these tests take once they are decoded: what is guessed of others of their kind. */
 const DECODED = 1300;
 const decoding: Preparer["prepare"] = (_, bytes) => Promise.resolve({ size: DECODED, install: () => bytes });
@@ -91,8 +92,10 @@ interface World {
 
 /** A client and its loader over values 0, 1, 2 … of 100 bytes; `known`: how many of them the index tells of. */
 function makeClient({ budget = 1e6, prepare, stream = new URL("ws://world.test/stream"), known = 50 }: World = {}) {
-  const seen = { asked: [] as string[], images: [] as string[], bad: [] as string[], outdated: 0, generation: 1, away: false, known };
+  const seen = { asked: [] as string[], bad: [] as string[], outdated: 0, generation: 1, away: false, known };
   const list = Array.from({ length: 50 }, (_, n) => new Resource(keyOf(n), "orthoview", 100, null));
+  const board = new Resource(BOARD, "impostor", 100, null);
+  const shelf = new Map<string, Uint8Array>();
   const answer = (keys: readonly string[]): Promise<Found[]> => {
     if (seen.away) return Promise.reject(new TypeError("away"));
     seen.asked.push(...keys);
@@ -117,8 +120,15 @@ function makeClient({ budget = 1e6, prepare, stream = new URL("ws://world.test/s
   });
   const client = new PushClient({
     server, loader,
-    find: (key) => list.slice(0, seen.known).find((resource) => resource.key === key) ?? null,
-    images: { put: (key) => void seen.images.push(key), keys: () => [] },
+    find: (key) => [...list, board].slice(0, seen.known).find((resource) => resource.key === key) ?? null,
+    images: {
+      put: (key, value) => void shelf.set(key, value),
+      keys: () => [...shelf.keys()],
+      taken: (find) => [...shelf].flatMap(([key, value]) => {
+        const resource = find(key);
+        return resource && shelf.delete(key) ? [[resource, value] as [Resource, Uint8Array]] : [];
+      }),
+    },
     generation: () => seen.generation,
     token: () => "open sesame",
     outdated: () => void seen.outdated++,
@@ -130,7 +140,7 @@ function makeClient({ budget = 1e6, prepare, stream = new URL("ws://world.test/s
     loader.want(wants, ++number);
     client.settle(wants);
   };
-  return { client, loader, list, seen, plan };
+  return { client, loader, list, board, shelf, seen, plan };
 }
 
 /** The same with a session that has begun. */
@@ -216,13 +226,40 @@ describe("a session", () => {
   });
 
   it("gives images to who keeps them", async () => {
-    const { list, seen, plan, socket } = inSession();
+    const { list, shelf, plan, socket } = inSession();
     plan(want(list[0]!));
     socket.push(1, "texture/0123456789abcdef");
     socket.push(2, keyOf(0));
     await later(30);
-    expect(seen.images).toEqual(["texture/0123456789abcdef"]);
+    expect([...shelf.keys()]).toEqual(["texture/0123456789abcdef"]);
     expect(list[0]!.state).toBe("ready");
+  });
+
+  it("gives images that are drawn by themselves to the loader, also those that come before the index tells of them", async () => {
+    const { list, board, shelf, loader, plan, socket } = inSession({ known: 51 });
+    plan(want(list[0]!), want(board));
+    socket.push(1, BOARD);
+    await later(30);
+    expect(board.state).toBe("ready");
+    expect(shelf.size).toBe(0);
+    loader.install(1e6);
+    // Had in another way meanwhile: it is no different from other images.
+    socket.push(2, BOARD);
+    await later(30);
+    expect([board.state, shelf.size]).toEqual(["held", 1]);
+    plan(want(board));
+    expect([board.state, shelf.size]).toEqual(["held", 0]);
+    const other = inSession({ known: 50 });
+    other.socket.push(1, BOARD);
+    await later(30);
+    expect([other.board.state, other.shelf.size]).toEqual(["absent", 1]);
+    other.seen.known = 51;
+    other.plan();
+    expect([other.board.state, other.shelf.size]).toEqual(["fetched", 0]);
+    expect(other.socket.heard("drop")).toEqual([]);
+    other.client.renew();
+    last().open();
+    expect(last().heard("hello")).toMatchObject([{ holds: [BOARD] }]);
   });
 
   it("acknowledges at most fifty times a second: a server ends sessions that say more than a hundred things", async () => {

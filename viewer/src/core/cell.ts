@@ -1,8 +1,9 @@
 import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
-import type { CellEntry, GeometryLevel, MeshLevel } from "./indextile.js";
-import { meshForm, placedMesh, type MeshForm, type PlacedMesh } from "./instances.js";
-import { geometryKey, meshKey, orthoviewKey } from "./keys.js";
+import { impostorForm } from "./impostors.js";
+import type { CellEntry, GeometryLevel, InstancedMesh, MeshLevel } from "./indextile.js";
+import { meshForm, placedMesh, type MeshForms, type PlacedMesh } from "./instances.js";
+import { geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
 import { toldBy, UNTOLD_LOSS } from "./stream/accuracy.js";
 import { grown, type Box } from "./vector.js";
@@ -195,7 +196,7 @@ export class Cell {
   private describeInstances({ instances = [] }: CellEntry, shared: SharedMeshes): void {
     if (this.level > 0) return;
     const placed = instances.filter(({ objects }) => objects.length > 0);
-    this.instances = placed.map((listed) => placedMesh(listed, this.box.lower, shared.forms(listed.levels)));
+    this.instances = placed.map((listed) => placedMesh(listed, this.box.lower, shared.formsOf(listed)));
   }
 
   /** What belongs to this cell alone, by its key. */
@@ -227,29 +228,33 @@ export class Cell {
   }
 }
 
-/** The meshes that instances of several leaves share, one resource each. */
+/** The meshes that instances of several leaves share, and their images from round about, one resource each. */
 export class SharedMeshes {
   private readonly known = new Map<string, Resource>();
-  /** Of meshes that are placed by themselves, by the hashes of all forms. */
-  private readonly inForms = new Map<string, readonly MeshForm[]>();
+  /** Of meshes that are placed by themselves, by what tells them apart. */
+  private readonly inForms = new Map<string, MeshForms>();
 
   find(key: string): Resource | null {
     return this.known.get(key) ?? null;
   }
 
   get(hash: string, bytes: number): Resource {
-    const key = meshKey(hash);
-    const found = this.known.get(key) ?? new Resource(key, "mesh", bytes, null);
-    this.known.set(key, found);
+    return this.take(meshKey(hash), "mesh", bytes);
+  }
+
+  /** A mesh in all its forms, the same lists for all leaves that it is placed in. */
+  formsOf(listed: InstancedMesh): MeshForms {
+    const name = nameOf(listed);
+    const found = this.inForms.get(name) ?? this.describe(listed);
+    this.inForms.set(name, found);
     return found;
   }
 
-  /** A mesh in all its forms, the same list for all leaves that it is placed in. */
-  forms(levels: readonly MeshLevel[]): readonly MeshForm[] {
-    const name = levels.map(({ hash }) => hash).join();
-    const found = this.inForms.get(name) ?? levels.map((entry, level) => meshForm(entry, level, this.withImages(entry)));
-    this.inForms.set(name, found);
-    return found;
+  private describe({ bounds, levels, impostors = [] }: InstancedMesh): MeshForms {
+    return {
+      forms: levels.map((entry, level) => meshForm(entry, level, this.withImages(entry))),
+      impostors: impostors.map((entry) => impostorForm(entry, bounds, (hash, bytes) => this.take(textureKey(hash), "impostor", bytes))),
+    };
   }
 
   private withImages({ hash, bytes, textures }: MeshLevel): Resource {
@@ -257,4 +262,16 @@ export class SharedMeshes {
     if (textures?.length && found.images.size === 0) found.images = new Map(textures);
     return found;
   }
+
+  private take(key: string, kind: ResourceKind, bytes: number): Resource {
+    const found = this.known.get(key) ?? new Resource(key, kind, bytes, null);
+    this.known.set(key, found);
+    return found;
+  }
+}
+
+/** The same for all leaves that a mesh is placed in. Where its boards stand, its bounds tell: the same images may be of a larger one. */
+function nameOf({ bounds, levels, impostors }: InstancedMesh): string {
+  const hashes = levels.map(({ hash }) => hash).join();
+  return impostors?.length ? hashes + JSON.stringify([bounds, impostors]) : hashes;
 }

@@ -11,6 +11,10 @@ const WORST_STEPS = 255;
 /** Meshes of which a leaf lists instances, and of each as many; forms of a mesh. */
 const MOST_INSTANCES = 16;
 const MOST_LEVELS = 16;
+/** Impostors of a mesh, images of each, and rows of these. */
+const MOST_IMPOSTORS = 4;
+const MOST_SIDES = 32;
+const MOST_ROWS = 4096;
 
 /** Errors of levels are told for views from where a pixel is as wide as one of a leaf's pictures, then so many times as narrow. */
 export const ERROR_SPACING = 4;
@@ -55,6 +59,16 @@ export interface MeshLevel {
   readonly errors?: readonly number[];
 }
 
+/** Images of a shared mesh from round about, one board each. */
+export interface Impostor {
+  /** Of each image, along the height of the mesh's bounds. */
+  readonly rows: number;
+  /** Hash and bytes of each; number n of k is seen from an azimuth of n k-ths of a turn in the mesh's frame, 0 along x. */
+  readonly images: readonly (readonly [string, number])[];
+  /** As those of a MeshLevel. */
+  readonly errors?: readonly number[];
+}
+
 /** Instances of a shared mesh that have their place in a leaf, each in one alone. */
 export interface InstancedMesh {
   /** Of the mesh, in its own frame. */
@@ -65,6 +79,8 @@ export interface InstancedMesh {
   readonly objects: readonly number[];
   /** For each instance three rows of four, from the mesh's frame to that of the leaf's lower corner. */
   readonly transforms: readonly (readonly number[])[];
+  /** From fine to coarse. */
+  readonly impostors?: readonly Impostor[];
 }
 
 /** One cell of the index, as it is written; members equal to their default may be left out. */
@@ -183,15 +199,22 @@ function isLevel(value: unknown): value is Json {
 /** Whether each has a place, and the mesh a size and a form. */
 function isInstanced(value: unknown): value is InstancedMesh {
   if (!isObject(value)) return false;
-  const { bounds, levels, objects, transforms } = value;
+  const { bounds, levels, objects, transforms, impostors = [] } = value;
   const placed = isList(objects, isObjectId, MOST_INSTANCES) && isList(transforms, isTransform, MOST_INSTANCES) && objects.length === transforms.length;
-  return placed && isBounds(bounds) && isList(levels, isMeshLevel, MOST_LEVELS) && levels.length > 0;
+  const shown = isList(levels, isMeshLevel, MOST_LEVELS) && levels.length > 0 && isList(impostors, isImpostor, MOST_IMPOSTORS);
+  return placed && isBounds(bounds) && shown;
 }
 
 function isMeshLevel(value: unknown): value is MeshLevel {
   if (!isObject(value)) return false;
   const { hash, bytes, triangles, textures = [], errors = [] } = value;
   return isHash(hash) && isCount(bytes) && isCount(triangles) && isList(textures, isMesh) && isList(errors, isError, 8);
+}
+
+function isImpostor(value: unknown): value is Impostor {
+  if (!isObject(value)) return false;
+  const { rows, images, errors = [] } = value;
+  return isCount(rows, MOST_ROWS) && rows > 0 && isList(images, isMesh, MOST_SIDES) && images.length > 0 && isList(errors, isError, 8);
 }
 
 function isObjectId(value: unknown): value is number {

@@ -1,3 +1,4 @@
+import type { ImpostorForm } from "./impostors.js";
 import type { InstancedMesh, MeshLevel } from "./indextile.js";
 import type { Resource } from "./resource.js";
 import { toldBy } from "./stream/accuracy.js";
@@ -15,6 +16,13 @@ export interface MeshForm {
   readonly told: readonly number[];
 }
 
+/** All that a shared mesh can be drawn by, each from fine to coarse. */
+export interface MeshForms {
+  /** At least one. */
+  readonly forms: readonly MeshForm[];
+  readonly impostors: readonly ImpostorForm[];
+}
+
 /** One placement of a mesh. */
 export interface Instance {
   /** Id of the mesh's object 0. */
@@ -25,12 +33,13 @@ export interface Instance {
   readonly bounds: Box;
 }
 
-/** Instances of a shared mesh that have their place in a leaf: one alone, from which they may reach into others. */
-export interface PlacedMesh {
+/**
+ * Instances of a shared mesh that have their place in a leaf: one alone, from which they may reach into others. The lists of forms are the
+ * same of all that are placed of the mesh.
+ */
+export interface PlacedMesh extends MeshForms {
   /** Lower corner of the leaf, local metres. */
   readonly corner: Vector3;
-  /** From fine to coarse; at least one. The same list of all that are placed of the mesh. */
-  readonly forms: readonly MeshForm[];
   /** At least one. */
   readonly instances: readonly Instance[];
   /** Of all of them, local metres. */
@@ -43,12 +52,12 @@ export function meshForm(entry: MeshLevel, level: number, mesh: Resource): MeshF
 }
 
 /** What the index tells of instances in a leaf, whose lower corner is given, of a mesh that has these forms. */
-export function placedMesh({ bounds, objects, transforms }: InstancedMesh, corner: Vector3, forms: readonly MeshForm[]): PlacedMesh {
+export function placedMesh({ bounds, objects, transforms }: InstancedMesh, corner: Vector3, { forms, impostors }: MeshForms): PlacedMesh {
   const instances = objects.map((object, n) => {
     const rows = transforms[n]!;
     return { object, transform: columnsOf(rows), bounds: boxOf(bounds, rows, corner) };
   });
-  return { corner, forms, instances, bounds: around(instances.map((instance) => instance.bounds)) };
+  return { corner, forms, impostors, instances, bounds: around(instances.map((instance) => instance.bounds)) };
 }
 
 /** The finest form that is there, from a level on, or the coarsest of those that end before. */
@@ -60,9 +69,8 @@ export function heldMesh(forms: readonly MeshForm[], from = 0): MeshForm | null 
 export function comingMeshes(forms: readonly MeshForm[]): readonly MeshForm[] {
   const coming: MeshForm[] = [];
   for (const form of forms) {
-    const { state } = form.mesh;
-    if (state === "held") break;
-    if (state !== "absent" && state !== "bad") coming.push(form);
+    if (form.mesh.held) break;
+    if (form.mesh.coming) coming.push(form);
   }
   return coming;
 }

@@ -38,7 +38,7 @@ export interface LoaderEvents {
   readonly bad: (resource: Resource, error: FarfieldError) => void;
   /** Something came in: it is time for another frame. */
   readonly arrived: () => void;
-  /** A mesh came that no plan had a use for: the next one may have, to let it stand in. */
+  /** A mesh, or a board of one, came that no plan had a use for: the next one may have, to let it stand in. */
   readonly unforeseen?: () => void;
 }
 
@@ -229,7 +229,8 @@ export class Loader {
       this.loading.set(resource, this.closing);
       void this.prepare(resource, value, this.closing.signal);
     } else this.putAside(resource, value);
-    if (resource.kind === "mesh" && !this.urgencies.has(resource)) this.events.unforeseen?.();
+    const standsIn = resource.kind === "mesh" || resource.kind === "impostor";
+    if (standsIn && !this.urgencies.has(resource)) this.events.unforeseen?.();
     this.pump();
   }
 

@@ -1,12 +1,17 @@
 import { isHeld, type Cell, type CellGeometry } from "./cell.js";
-import { boundsOfInstances, finestAfar, heldForm, heldShare, meshesBelow, type CellForm, type FarView } from "./cellforms.js";
+import {
+  boundsOfInstances, errorAt, finestAfar, heldForm, heldShare, meshesBelow, pixelWidth, type CellForm, type FarView,
+} from "./cellforms.js";
 import { cut, type Cut } from "./cut.js";
 import { seesBox, type Frustum } from "./frustum.js";
 import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
 import type { CellKey } from "./grid.js";
-import { heldMesh, type MeshForm, type PlacedMesh } from "./instances.js";
+import { bestBoard, heldBoards, placedAlone, sightOf, type Board, type HeldBoards, type ImpostorForm } from "./impostors.js";
+import { MESH_FARTHEST } from "./indextile.js";
+import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
+import { distanceTo } from "./vector.js";
 import { tilesWanted } from "./views.js";
 
 /** Where the eye is and what it asks for. */
@@ -29,10 +34,10 @@ export interface PictureDraw {
   readonly behind: boolean;
 }
 
-/** Instances drawn whole by themselves, where the cell that they are in is not there. */
+/** Instances drawn whole by themselves, where the cell that they are in is not there: by a form of their mesh, or one by a board. */
 export interface InstancesDraw {
   readonly placed: PlacedMesh;
-  readonly form: MeshForm;
+  readonly form: MeshForm | Board;
 }
 
 /** What to draw now, and what would be drawn if everything were there. */
@@ -87,6 +92,7 @@ class Planner {
   private readonly kept = new Set<Cell>();
   private readonly roles = new Map<Cell, Role>();
   private readonly looks = new Map<Cell, Look>();
+  private readonly boards = new Map<readonly ImpostorForm[], readonly HeldBoards[]>();
   private standIns = 0;
   /** How many cells are drawn from parts of what they should show. */
   private parts = 0;
@@ -197,13 +203,47 @@ class Planner {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
       const finest = this.roles.get(cell) === "geometry" ? 0 : finestAfar(cell, this.view.grid.resolution);
-      if (finest === Infinity) continue;
       for (const [forms, all] of meshesBelow(cell)) {
-        const form = heldMesh(forms, finest);
-        if (!form) continue;
-        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.instances.push({ placed, form });
+        const form = finest === Infinity ? null : heldMesh(forms, finest);
+        const boards = this.boardsBeside(form, all[0]!.impostors);
+        if (!form && boards.length === 0) continue;
+        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards);
       }
     }
+  }
+
+  /** Boards of a mesh that are there, unless what else there is of it looks like the mesh itself. */
+  private boardsBeside(form: MeshForm | null, impostors: readonly ImpostorForm[]): readonly HeldBoards[] {
+    if (impostors.length === 0 || form?.told.every((error) => error === 0)) return [];
+    const found = this.boards.get(impostors) ?? heldBoards(impostors);
+    this.boards.set(impostors, found);
+    return found;
+  }
+
+  /** Each by what shows most of it, a form before a board. */
+  private drawInstances(placed: PlacedMesh, form: MeshForm | null, held: readonly HeldBoards[]): void {
+    const { instances } = placed;
+    const boards = held.length > 0 ? instances.map((instance) => this.boardFor(placed, instance, form, held)) : [];
+    if (form && !boards.some(Boolean)) {
+      this.instances.push({ placed, form });
+      return;
+    }
+    boards.forEach((board, n) => {
+      const shown = board ?? form;
+      if (shown) this.instances.push({ placed: placedAlone(placed, instances[n]!, board), form: shown });
+    });
+  }
+
+  private boardFor(placed: PlacedMesh, instance: Instance, form: MeshForm | null, held: readonly HeldBoards[]): Board | null {
+    const { eye, focal } = this.view;
+    const width = pixelWidth(instance.bounds, distanceTo(instance.bounds, eye), focal);
+    const shown = form ? 1 - errorAt(form, this.pitch, width, MESH_FARTHEST) : 0;
+    return bestBoard(held, sightOf(placed, instance, eye), this.pitch, width, shown);
+  }
+
+  private get pitch(): number {
+    const { leafSize, resolution } = this.view.grid;
+    return leafSize / resolution;
   }
 
   /** What is placed in leaves that are drawn as geometry and reaches into no other ones: these would lack their part of it. */

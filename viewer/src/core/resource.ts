@@ -3,7 +3,7 @@ import type { Cell } from "./cell.js";
 const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
 /** What a value of the store is drawn as. */
-export type ResourceKind = "orthoview" | "geometry" | "mesh";
+export type ResourceKind = "orthoview" | "geometry" | "mesh" | "impostor";
 
 /**
  *     absent → loading ─────────────→ ready → held
@@ -36,12 +36,17 @@ export class Resource {
     readonly kind: ResourceKind,
     /** Bytes on the wire. */
     readonly bytes: number,
-    /** The cell it belongs to; null for meshes, which several share. */
+    /** The cell it belongs to; null for meshes and their images from round about, which several share. */
     public cell: Cell | null,
   ) {}
 
   get held(): boolean {
     return this.state === "held";
+  }
+
+  /** Whether it is on its way, or has come and cannot be drawn yet. */
+  get coming(): boolean {
+    return this.state === "loading" || this.state === "fetched" || this.state === "ready";
   }
 
   /** Belongs from now on to the cell of a newer generation, which finds it there again; what was bad is tried once more. */

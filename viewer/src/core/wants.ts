@@ -1,6 +1,7 @@
 import { isHeld, type Cell } from "./cell.js";
 import { heldForm, meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
+import { comingBoards } from "./impostors.js";
 import { comingMeshes } from "./instances.js";
 import type { Manifest } from "./manifest.js";
 import type { Plan, PlanView } from "./plan.js";
@@ -75,8 +76,8 @@ export function listWants(
   /** What comes of instances is wanted, to be drawn until their cell is there. What to ask for, who puts wants in order decides. */
   const addComing = (cell: Cell, urgency: number): void => {
     if (urgency !== URGENCY.seen || view.near <= 0 || view.farOnly) return;
-    for (const forms of meshesBelow(cell).keys()) {
-      const coming = comingMeshes(forms);
+    for (const [forms, all] of meshesBelow(cell)) {
+      const coming = [...comingMeshes(forms), ...comingBoards(all[0]!.impostors)];
       if (coming.length > 0) add(coming.map(({ mesh }) => mesh), cell, urgency);
     }
   };

@@ -4,9 +4,11 @@ import { corrupt } from "../core/errors.js";
 import type { Prepared, Preparer } from "../core/loader.js";
 import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
+import { anisotropyOf } from "./card.js";
+import { boardModel } from "./near/board.js";
 import type { NearModel } from "./near/model.js";
 import { parseNearModel } from "./near/parse.js";
-import type { TextureShelf } from "./near/textures.js";
+import { cutoutOf, type TextureShelf } from "./near/textures.js";
 import { OrthoviewTile, tileBytes } from "./orthoviewtile.js";
 
 export interface PreparerParts {
@@ -29,7 +31,9 @@ export class ThreePreparer implements Preparer {
   constructor(private readonly parts: PreparerParts) {}
 
   prepare(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
-    return resource.kind === "orthoview" ? this.orthoview(resource, bytes, signal) : this.model(resource, bytes);
+    if (resource.kind === "orthoview") return this.orthoview(resource, bytes, signal);
+    const isBoard = resource.kind === "impostor";
+    return this.prepared(isBoard ? this.board(resource, bytes, signal) : parseNearModel(bytes, resource.key, this.parts.shelf));
   }
 
   expects({ key, cell, images }: Resource): void {
@@ -59,8 +63,13 @@ export class ThreePreparer implements Preparer {
     return { size: tileBytes(tile), install };
   }
 
-  private async model(resource: Resource, bytes: Uint8Array): Promise<Prepared> {
-    const model = await parseNearModel(bytes, resource.key, this.parts.shelf);
+  private async board({ key }: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<NearModel> {
+    const { pool, renderer } = this.parts;
+    return boardModel(await cutoutOf(pool, bytes, key, signal), anisotropyOf(renderer()));
+  }
+
+  private async prepared(made: Promise<NearModel>): Promise<Prepared> {
+    const model = await made;
     return { size: model.bytes, install: () => model, discard: () => model.dispose() };
   }
 }

@@ -86,7 +86,9 @@ function placing(): Uint8Array {
   const level = { hash: "0123456789abcdef", bytes: 900, triangles: 2000, textures: [["fedcba9876543210", 99]] };
   const levels = [level, { ...level, textures: [], errors: [9, 30, 80] }];
   const transform = [0, -1, 0, 4.5, 1, 0, 0, 2.25, 0, 0, 1, 0.125];
-  const instances = [{ bounds: [[-1, -1, 0], [1, 1, 2]], levels, objects: [7, 9], transforms: [transform, transform] }];
+  const images = [["0123456789abcde0", 940], ["0123456789abcde1", 960]];
+  const impostors = [{ rows: 96, images, errors: [20, 60, 110] }, { rows: 24, images: images.slice(1) }];
+  const instances = [{ bounds: [[-1, -1, 0], [1, 1, 2]], levels, objects: [7, 9], transforms: [transform, transform], impostors }];
   const placed = cells.map((cell) => (cell.geometry ? { ...cell, instances } : cell));
   expect(placed).not.toEqual(cells);
   return INDEX_TEXT.close(value!, new TextEncoder().encode(JSON.stringify({ root, cells: placed })));

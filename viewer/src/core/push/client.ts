@@ -33,7 +33,7 @@ export interface PushParts {
   readonly loader: Loader;
   /** What is known by a key; null: nothing, or nothing yet. */
   readonly find: (key: string) => Resource | null;
-  /** Where images of near geometry go, of which the loader knows nothing. */
+  /** Where images go that are not known to be drawn by themselves: those of near geometry, of which the loader knows nothing. */
   readonly images: Images;
   /** Of the newest manifest that is known. */
   readonly generation: () => number;
@@ -48,6 +48,8 @@ export interface Images {
   put(key: string, value: Uint8Array): void;
   /** Of those that are there. */
   keys(): string[];
+  /** Those that are drawn by themselves, as is found by now, and that nothing has had a use for; they are kept no longer. */
+  taken(find: (key: string) => Resource | null): [Resource, Uint8Array][];
 }
 
 /**
@@ -252,8 +254,9 @@ export class PushClient implements Push {
     this.backoff.succeeded();
     const { coming } = this;
     this.coming = null;
-    if (isTexture(key)) this.parts.images.put(key, value);
-    else if (coming) this.parts.loader.deliver(coming, value);
+    if (coming) this.parts.loader.deliver(coming, value);
+    // An image of near geometry, or one that is drawn by itself, if the index does not tell of it yet.
+    else if (isTexture(key)) this.parts.images.put(key, value);
     else if (!this.parts.find(key)) this.early.keep(key, value);
   }
 
@@ -331,8 +334,8 @@ export class PushClient implements Push {
   }
 
   private unpack(): void {
-    const { find, loader } = this.parts;
-    for (const [resource, value] of this.early.taken(find)) if (loader.awaits(resource, 0)) loader.deliver(resource, value);
+    const { find, loader, images } = this.parts;
+    for (const [resource, value] of [...this.early.taken(find), ...images.taken(find)]) if (loader.awaits(resource, 0)) loader.deliver(resource, value);
   }
 }
 

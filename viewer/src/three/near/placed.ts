@@ -6,7 +6,7 @@ import { InstancedModel } from "./instances.js";
 import type { NearMaterials } from "./materials.js";
 import type { NearModel } from "./model.js";
 
-/** Instances as they are drawn: of a mesh in the form that is held of it. */
+/** Instances as they are drawn: of a mesh in a form that is held of it, or one by an image of it. */
 interface Drawn {
   readonly placed: PlacedMesh;
   readonly model: NearModel;
@@ -51,7 +51,11 @@ export class PlacedInstances {
     this.drawn = drawn;
     const anchor = anchorOf(drawn, eye);
     const placed = new Map<NearModel, PlacedMesh[]>([...this.models.keys()].map((model) => [model, []]));
-    for (const one of drawn) placed.set(one.model, [...(placed.get(one.model) ?? []), one.placed]);
+    for (const one of drawn) {
+      const own = placed.get(one.model);
+      if (own) own.push(one.placed);
+      else placed.set(one.model, [one.placed]);
+    }
     for (const [model, own] of placed) this.instanced(model).put(transformsOf(own, anchor), anchor);
   }
 

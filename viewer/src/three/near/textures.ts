@@ -1,7 +1,8 @@
-import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture } from "three";
+import { DataTexture, LinearFilter, LinearMipmapLinearFilter, RepeatWrapping, SRGBColorSpace, Texture, type Wrapping } from "three";
 import type { DecodePool } from "../../core/decode/pool.js";
 import { FarfieldError } from "../../core/errors.js";
 import { hashOfTexture, textureKey } from "../../core/keys.js";
+import type { Resource } from "../../core/resource.js";
 import type { Servers } from "../../core/servers.js";
 
 interface Entry {
@@ -69,6 +70,15 @@ export class TextureShelf {
     return [...new Set(hashes)].map(textureKey);
   }
 
+  /** Images that have come and are drawn by themselves, as is found by now; they are kept no longer. */
+  taken(find: (key: string) => Resource | null): [Resource, Uint8Array][] {
+    return [...this.ahead].flatMap(([hash, value]) => {
+      const resource = find(textureKey(hash));
+      if (resource) this.ahead.delete(hash);
+      return resource ? [[resource, value] as [Resource, Uint8Array]] : [];
+    });
+  }
+
   release(hash: string, cutout: boolean): void {
     const found = this.entries.get(`${hash} ${cutout}`);
     if (!found || --found.uses > 0) return;
@@ -84,26 +94,31 @@ export class TextureShelf {
     const ahead = this.ahead.get(hash);
     this.ahead.delete(hash);
     const bytes = ahead ?? (await this.servers.of(key).get(key, signal));
-    const texture = cutout ? await this.cutoutOf(bytes, hash, signal) : await opaqueOf(bytes, hash);
-    texture.colorSpace = SRGBColorSpace;
-    texture.flipY = false;
-    texture.wrapS = texture.wrapT = RepeatWrapping;
-    texture.magFilter = LinearFilter;
-    texture.minFilter = LinearMipmapLinearFilter;
-    texture.anisotropy = this.anisotropy();
-    texture.needsUpdate = true;
-    return texture;
+    const texture = cutout ? await cutoutOf(this.pool, bytes, key, signal) : await opaqueOf(bytes, hash);
+    return sampled(texture, RepeatWrapping, this.anisotropy());
   }
+}
 
-  /** The card would mix into the smaller sizes whatever colour lies in the holes, so they are made by hand. */
-  private async cutoutOf(bytes: Uint8Array, hash: string, signal: AbortSignal): Promise<Texture> {
-    const levels = await this.pool.decode("cutout", bytes, textureKey(hash), signal);
-    const sizes = levels.map(({ pixels, width, height }) => ({ data: new Uint8Array(pixels.buffer), width, height }));
-    const texture = new DataTexture(sizes[0]!.data, sizes[0]!.width, sizes[0]!.height);
-    texture.mipmaps = sizes as never;
-    texture.generateMipmaps = false;
-    return texture;
-  }
+/** The card would mix into the smaller sizes whatever colour lies in the holes, so they are made by hand. */
+export async function cutoutOf(pool: DecodePool, bytes: Uint8Array, key: string, signal: AbortSignal): Promise<Texture> {
+  const levels = await pool.decode("cutout", bytes, key, signal);
+  const sizes = levels.map(({ pixels, width, height }) => ({ data: new Uint8Array(pixels.buffer), width, height }));
+  const texture = new DataTexture(sizes[0]!.data, sizes[0]!.width, sizes[0]!.height);
+  texture.mipmaps = sizes as never;
+  texture.generateMipmaps = false;
+  return texture;
+}
+
+/** A texture as surfaces of near geometry show it; row 0 is v = 0. */
+export function sampled(texture: Texture, wrapping: Wrapping, anisotropy: number): Texture {
+  texture.colorSpace = SRGBColorSpace;
+  texture.flipY = false;
+  texture.wrapS = texture.wrapT = wrapping;
+  texture.magFilter = LinearFilter;
+  texture.minFilter = LinearMipmapLinearFilter;
+  texture.anisotropy = anisotropy;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 async function opaqueOf(bytes: Uint8Array, hash: string): Promise<Texture> {

@@ -1,0 +1,140 @@
+import { errorAt } from "./cellforms.js";
+import { MESH_FARTHEST, type Impostor, type InstancedMesh } from "./indextile.js";
+import type { Instance, PlacedMesh } from "./instances.js";
+import type { Resource } from "./resource.js";
+import { toldBy } from "./stream/accuracy.js";
+import { cross, dot, type Vector3 } from "./vector.js";
+
+/** Sine of 60 degrees: seen at that angle to its plane, or more squarely, a board is as good as head on. */
+const FULL_SINE = Math.sqrt(0.75);
+/** Of the product of its columns' lengths, up to which the determinant of a matrix is none. */
+const SINGULAR = 1e-12;
+
+/** A shared mesh by its images from round about. */
+export interface ImpostorForm {
+  readonly entry: Impostor;
+  /** How unlike the full mesh it looks, 0 to 1, as Impostor.errors: `errorAt` tells it, with MESH_FARTHEST. */
+  readonly told: readonly number[];
+  /** One of each image. */
+  readonly boards: readonly Board[];
+}
+
+/** An image of a mesh from a side, and where it stands. */
+export interface Board {
+  /** The image; drawn in the mesh's place. */
+  readonly mesh: Resource;
+  /** x and y of the unit vector from the middle of the mesh to the eyes that it is shown to, in the mesh's frame. */
+  readonly towards: readonly [number, number];
+  /**
+   * (16,) columns first, to the mesh's frame from that of a board that is 1 wide and 1 high: from its middle x to the right as the eye
+   * sees it, y towards the eye, z up. It is left-handed.
+   */
+  readonly transform: Float64Array;
+}
+
+/** Boards of an impostor that are there. */
+export type HeldBoards = Pick<ImpostorForm, "told" | "boards">;
+
+/** x and y of the unit vector from the middle of an instance to an eye, in its mesh's frame; 0, 0 where nothing is to be seen of it. */
+export type Sight = readonly [number, number];
+
+/** The resource of an image. */
+type Take = (hash: string, bytes: number) => Resource;
+
+/** What the index tells of the images of a mesh with such bounds. */
+export function impostorForm(entry: Impostor, bounds: InstancedMesh["bounds"], take: Take): ImpostorForm {
+  const { errors, images } = entry;
+  const boards = images.map(([hash, bytes], side) => {
+    const turn = (2 * Math.PI * side) / images.length;
+    const towards = [Math.cos(turn), Math.sin(turn)] as const;
+    return { mesh: take(hash, bytes), towards, transform: boardTransform(bounds, towards) };
+  });
+  return { entry, told: errors?.length ? toldBy(errors) : [0, 0, 0], boards };
+}
+
+/** See Board; a body that is lit like it is as deep as it is wide. */
+export function boardTransform([lower, upper]: InstancedMesh["bounds"], [x, y]: Board["towards"]): Float64Array {
+  const [across, along, high] = [0, 1, 2].map((a) => upper[a]! - lower[a]!) as [number, number, number];
+  const width = Math.abs(y) * across + Math.abs(x) * along;
+  const [mx, my, mz] = [0, 1, 2].map((a) => (lower[a]! + upper[a]!) / 2) as [number, number, number];
+  return Float64Array.of(-y * width, x * width, 0, 0, x * width, y * width, 0, 0, 0, 0, high, 0, mx, my, mz, 1);
+}
+
+/** Of a mesh, as far as any board of theirs is there. */
+export function heldBoards(impostors: readonly ImpostorForm[]): readonly HeldBoards[] {
+  const held = impostors.map(({ told, boards }) => ({ told, boards: boards.filter(({ mesh }) => mesh.held) }));
+  return held.filter(({ boards }) => boards.length > 0);
+}
+
+/** Those that are on their way. */
+export function comingBoards(impostors: readonly ImpostorForm[]): readonly Board[] {
+  return impostors.flatMap(({ boards }) => boards.filter(({ mesh }) => mesh.coming));
+}
+
+/** How much of its mesh a board shows for the angle alone: the cube of its sine over that of 60 degrees, from 0 (behind it) to 1. */
+export function squareness({ towards }: Board, [x, y]: Sight): number {
+  const sine = Math.min(Math.max(towards[0] * x + towards[1] * y, 0), FULL_SINE) / FULL_SINE;
+  return sine * sine * sine;
+}
+
+/**
+ * The board by which most of an instance is seen, of those that show more of it than `least`; null: none does. pitch: metres between the
+ * pixels of a leaf's pictures. width: metres that a pixel is wide there.
+ */
+export function bestBoard(held: readonly HeldBoards[], sight: Sight, pitch: number, width: number, least: number): Board | null {
+  let [best, most]: [Board | null, number] = [null, least];
+  for (const form of held) {
+    const like = 1 - errorAt(form, pitch, width, MESH_FARTHEST);
+    if (like <= most) continue;
+    for (const board of form.boards) {
+      const shown = like * squareness(board, sight);
+      if (shown > most) [best, most] = [board, shown];
+    }
+  }
+  return best;
+}
+
+/** For each instance of a mesh with boards: where its middle is, local metres, and three rows of three from there to the mesh's frame. */
+const views = new WeakMap<Instance, Float64Array | null>();
+
+/** How an eye sees an instance of a mesh that has boards. */
+export function sightOf(placed: PlacedMesh, instance: Instance, eye: Vector3): Sight {
+  let view = views.get(instance);
+  if (view === undefined) views.set(instance, (view = viewOf(placed, instance)));
+  if (view === null) return [0, 0];
+  const [x, y, z] = [eye[0] - view[0]!, eye[1] - view[1]!, eye[2] - view[2]!];
+  const toX = view[3]! * x + view[4]! * y + view[5]! * z;
+  const toY = view[6]! * x + view[7]! * y + view[8]! * z;
+  const toZ = view[9]! * x + view[10]! * y + view[11]! * z;
+  const length = Math.sqrt(toX * toX + toY * toY + toZ * toZ);
+  return length > 0 ? [toX / length, toY / length] : [0, 0];
+}
+
+/** Null: the transform makes the mesh flat, so that nothing of it is seen from any side, or could be told. */
+function viewOf({ corner, impostors }: PlacedMesh, { transform: m }: Instance): Float64Array | null {
+  const [mx = 0, my = 0, mz = 0] = impostors[0]!.boards[0]!.transform.subarray(12);
+  const [a, b, c] = [0, 4, 8].map((n) => [m[n]!, m[n + 1]!, m[n + 2]!] as Vector3) as [Vector3, Vector3, Vector3];
+  const cofactors = [cross(b, c), cross(c, a), cross(a, b)] as const;
+  const volume = dot(a, cofactors[0]);
+  if (!(Math.abs(volume) > SINGULAR * Math.hypot(...a) * Math.hypot(...b) * Math.hypot(...c))) return null;
+  const middle = [0, 1, 2].map((n) => corner[n]! + m[12 + n]! + a[n]! * mx + b[n]! * my + c[n]! * mz);
+  return Float64Array.from([...middle, ...cofactors.flatMap((row) => row.map((part) => part / volume))]);
+}
+
+/** What is drawn of single instances, by a board or (null) as they are: the same from plan to plan. */
+const alone = new WeakMap<Instance, Map<Board | null, PlacedMesh>>();
+
+/** One of the instances that are placed, by itself: as a board stands in its place or, null, as it is. */
+export function placedAlone(placed: PlacedMesh, instance: Instance, board: Board | null): PlacedMesh {
+  const known = alone.get(instance) ?? new Map<Board | null, PlacedMesh>();
+  alone.set(instance, known);
+  const found = known.get(board) ?? { ...placed, instances: [board ? onBoard(instance, board) : instance], bounds: instance.bounds };
+  known.set(board, found);
+  return found;
+}
+
+function onBoard(instance: Instance, { transform: board }: Board): Instance {
+  const { transform: own } = instance;
+  const at = (row: number, column: number): number => [0, 1, 2, 3].reduce((sum, k) => sum + own[row + 4 * k]! * board[k + 4 * column]!, 0);
+  return { ...instance, transform: Float32Array.from({ length: 16 }, (_, n) => at(n % 4, Math.floor(n / 4))) };
+}
