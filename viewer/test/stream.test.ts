@@ -29,8 +29,6 @@ interface StreamVectors {
   }[];
 }
 
-const isImage = (key: string): boolean => key.startsWith("texture/");
-
 /** The cells of a world, and all their resources by key. */
 function readWorld({ grid: g, roots, entries }: StreamVectors): { roots: Cell[]; resources: Map<string, Resource> } {
   const grid = new Grid(g.leaf_size, g.resolution, g.corner, g.axis_levels);
@@ -45,7 +43,7 @@ function readWorld({ grid: g, roots, entries }: StreamVectors): { roots: Cell[];
   const list = (cell: Cell): void => {
     const own = [...cell.views.values()].flatMap(({ layers }) => layers);
     const near = cell.forms.flatMap(({ leaf, meshes }) => [leaf, ...meshes]);
-    const placed = cell.instances.flatMap(({ forms }) => forms.map(({ mesh }) => mesh));
+    const placed = cell.instances.flatMap(({ forms, impostors }) => [...forms, ...impostors.flatMap(({ boards }) => boards)].map(({ mesh }) => mesh));
     for (const resource of [...own, ...near, ...placed]) resources.set(resource.key, resource);
     cell.children?.forEach(list);
   };
@@ -61,6 +59,8 @@ describe("what is to be sent is what Python says", () => {
     expect(vectors.cases.length).toBeGreaterThan(10);
     for (const { viewings, now, far, near, bandwidth, latency, held, chosen } of vectors.cases) {
       const { roots, resources } = readWorld(vectors);
+      // Images of geometry, of which the viewer knows no more than their names.
+      const isImage = (key: string): boolean => key.startsWith("texture/") && !resources.has(key);
       const images = new Set(held.filter(isImage));
       for (const key of held) if (!isImage(key)) resources.get(key)!.state = "held";
       const view: CellsView = {

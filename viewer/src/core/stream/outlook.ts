@@ -24,6 +24,8 @@ export interface Outlook {
   readonly eyes: readonly Vector3[];
   /** Pixels of the bounding rectangle within the picture, mean of the interval. */
   readonly visible: Float64Array;
+  /** Pixels of the height of the whole rectangle; while turning of the object in the middle of the picture. */
+  readonly height: Float64Array;
   readonly focal: number;
   /** Of the whole picture. */
   readonly pixels: number;
@@ -62,10 +64,15 @@ function sampled(prediction: Prediction, boxes: readonly Box[], bounds: readonly
   const axes = middles.map((at) => axesOf(prediction.forward(at)));
   const { focal, size } = prediction.viewing;
   const visible = new Float64Array(boxes.length * eyes.length);
+  const height = new Float64Array(visible.length);
   boxes.forEach((box, n) => {
-    for (let k = 0; k < eyes.length; k++) visible[n * eyes.length + k] = rectangleOf(box, eyes[k]!, axes[k]!, focal, size).within;
+    for (let k = 0; k < eyes.length; k++) {
+      const seen = rectangleOf(box, eyes[k]!, axes[k]!, focal, size);
+      visible[n * eyes.length + k] = seen.within;
+      height[n * eyes.length + k] = seen.height;
+    }
   });
-  return { bounds, eyes, visible, focal, pixels: size[0] * size[1] };
+  return { bounds, eyes, visible, height, focal, pixels: size[0] * size[1] };
 }
 
 /** Objects look the same across the picture; how much of them is in it is integrated exactly (BEN 5.1.2). */
@@ -74,6 +81,7 @@ function turning(prediction: Prediction, boxes: readonly Box[], seconds: number)
   const { eye, forward, focal, size } = viewing;
   const bounds = Array.from({ length: INTERVALS + 1 }, (_, n) => (seconds * n) / INTERVALS);
   const visible = new Float64Array(boxes.length * INTERVALS);
+  const tall = new Float64Array(visible.length);
   const flat = Math.hypot(forward[0], forward[1]);
   const half = horizontal(viewing) / 2;
   boxes.forEach((box, n) => {
@@ -85,6 +93,7 @@ function turning(prediction: Prediction, boxes: readonly Box[], seconds: number)
     const spread = Math.min(Math.max(height > 0 ? (whole / height / size[0]) * half : 0, 1e-9), Math.PI);
     // The part of the rectangle that the picture's height leaves; how wide it may be is in the share.
     const pixels = within / (spread > half ? half / spread : 1);
+    tall.fill(height, n * INTERVALS, (n + 1) * INTERVALS);
     for (let k = 0; k < INTERVALS; k++) {
       const [from, to] = [Math.abs(viewing.turning) * bounds[k]!, Math.abs(viewing.turning) * bounds[k + 1]!];
       let share = 0;
@@ -92,7 +101,7 @@ function turning(prediction: Prediction, boxes: readonly Box[], seconds: number)
       visible[n * INTERVALS + k] = (pixels * share) / (to - from);
     }
   });
-  return { bounds, eyes: new Array<Vector3>(INTERVALS).fill(eye), visible, focal, pixels: size[0] * size[1] };
+  return { bounds, eyes: new Array<Vector3>(INTERVALS).fill(eye), visible, height: tall, focal, pixels: size[0] * size[1] };
 }
 
 /** The integral, from where an object is in the middle, of the share of it within the picture; radians. */
@@ -105,8 +114,8 @@ function swept(turned: number, spread: number, half: number): number {
 
 /** Adds a share of cases in which the viewer looks to any side from where it will be. */
 function mix(found: Outlook, { viewing }: Prediction, boxes: readonly Box[], otherwise: number): void {
-  const { eyes, visible } = found;
-  const height = viewing.size[1];
+  const { eyes, visible, height } = found;
+  const most = viewing.size[1];
   const elsewhere = (otherwise * horizontal(viewing)) / (2 * Math.PI);
   boxes.forEach(({ lower, upper }, n) => {
     const size = [upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]] as const;
@@ -118,7 +127,8 @@ function mix(found: Outlook, { viewing }: Prediction, boxes: readonly Box[], oth
       // As a round body of its size would look in the middle of the picture.
       const across = (2 * viewing.focal * radius) / Math.max(away, radius);
       const place = n * eyes.length + k;
-      visible[place] = (1 - otherwise) * visible[place]! + elsewhere * Math.min(across ** 2 * share, height ** 2);
+      visible[place] = (1 - otherwise) * visible[place]! + elsewhere * Math.min(across ** 2 * share, most ** 2);
+      if (height[place] === 0) height[place] = (across * size[2]) / Math.max(2 * radius, 1e-12);
     }
   });
 }

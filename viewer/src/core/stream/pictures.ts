@@ -1,7 +1,8 @@
 import type { Cell } from "../cell.js";
 import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, pixelWidth, type CellForm } from "../cellforms.js";
+import { sightOf, squareness, type Board, type ImpostorForm, type Sight } from "../impostors.js";
 import { MESH_FARTHEST } from "../indextile.js";
-import type { MeshForm } from "../instances.js";
+import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
 import { distanceTo, type Box, type Vector3 } from "../vector.js";
@@ -19,17 +20,18 @@ const STEPS = 4;
 const TOGETHER = 64;
 /** Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is; in a coarser one less. */
 const SHARP = 1;
-/** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces. */
+/** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces, or of an image's, by its pixels. */
 const FINE = 0.5;
 /** Importance of an instance beside that of a cell. */
 const OBJECTS = 8;
+const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
-/** Pictures or geometry of a cell, or a mesh of instances. */
+/** Pictures or geometry of a cell, or a mesh of instances, or an image of it. */
 export interface Part {
   /** The first, of several whose geometry shares meshes or images; of a mesh that in which most of it is seen. */
   readonly cell: Cell;
   readonly isGeometry: boolean;
-  /** Hash of the full mesh that it is a form of, placed by itself; null: it is none. */
+  /** Hash of the full mesh that it is a form or an image of, placed by itself; null: it is none. */
   readonly mesh: string | null;
   /** All that it shows as geometry. */
   readonly cells: readonly Cell[];
@@ -49,7 +51,8 @@ interface Formed {
 interface Placed {
   /** Place in the list of cells of that which it lies in. */
   readonly home: number;
-  readonly forms: readonly MeshForm[];
+  readonly of: PlacedMesh;
+  readonly instance: Instance;
   readonly bounds: Box;
 }
 
@@ -63,6 +66,8 @@ interface Seen {
 
 /** An instance that will be seen. */
 interface PlacedRow {
+  readonly of: PlacedMesh;
+  readonly instance: Instance;
   readonly seen: Seen;
   /** In which intervals the leaf that it lies in is near. */
   readonly near: readonly boolean[];
@@ -76,6 +81,9 @@ interface PlacedRow {
   readonly pixels: number;
 }
 
+/** How each of several instances will be seen in each interval. */
+type Sights = readonly (readonly Sight[])[];
+
 /** What of a form is not there. */
 interface Lacking {
   readonly name: string;
@@ -84,9 +92,10 @@ interface Lacking {
   readonly isShared: boolean;
 }
 
-/** A form of a mesh, and the instances that it shows. */
+/** A form of a mesh or an image of it, and the instances that it shows. */
 interface MeshPart extends Part {
-  readonly form: MeshForm;
+  /** Hash and bytes of each image that it needs besides. */
+  readonly images: ReadonlyMap<string, number>;
   readonly uses: readonly Use[];
 }
 
@@ -149,7 +158,7 @@ export class Pictures implements Offering<Part> {
     if (near <= 0 || farOnly) return [];
     return this.cells.flatMap((cell, home) => {
       const below = farGeometry || cell.level === 0 ? instancesBelow(cell) : [];
-      return below.flatMap(({ forms, instances }) => instances.map(({ bounds }) => ({ home, forms, bounds })));
+      return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })));
     });
   }
 
@@ -167,7 +176,9 @@ export class Pictures implements Offering<Part> {
       const seen = this.seenFrom(bounds, this.cells.length + n, outlook);
       if (seen) this.addChain(uses, this.cells[home]!, this.cells.length + n, seen, true);
     });
-    const meshes = this.meshesOf(outlook);
+    const rows = [...this.placedRows(outlook)];
+    const boards = rows.flatMap(([, own]) => this.boardsOf(own, outlook));
+    const meshes = [...rows.flatMap(([forms, own]) => this.meshesOf(forms, own)), ...boards];
     this.coming = betterComing([
       ...[...uses].map(([cell, shows]) => ({ ...pictureOf(cell, this.tilesOf(cell, outlook.eyes[0]!)), uses: shows })),
       ...geometry.map(({ cell, form, use }) => ({ cell, isGeometry: true, mesh: null, cells: [cell], resources: form.resources, uses: [use] })),
@@ -297,18 +308,15 @@ export class Pictures implements Offering<Part> {
     else offers.push({ item: { cell: cells[0]!, isGeometry: true, mesh: null, cells, resources }, size, uses, parts: SHARES.length, series: {} });
   }
 
-  /**
-   * Levels of the meshes of instances that will be seen: sent once, placed many times. Where all pictures are there, instances are
-   * drawn by these.
-   */
-  private meshesOf(outlook: Outlook): MeshPart[] {
+  /** Instances that will be seen, by the forms of their mesh. Where all pictures are there, they are drawn by these. */
+  private placedRows(outlook: Outlook): ReadonlyMap<readonly MeshForm[], readonly PlacedRow[]> {
     const { near, farGeometry, grid } = this.view();
     const { eyes, visible } = outlook;
     const isNear = (cell: Cell, metres: number): boolean => cell.level === 0 && cell.geometry !== null && metres < near;
     const homes = this.cells.map((cell) => ({ cell, away: eyes.map((eye) => distanceTo(cell.bounds, eye)) }));
     const isWhole = new Map<Cell, boolean>();
     const byMesh = new Map<readonly MeshForm[], PlacedRow[]>();
-    this.placed.forEach(({ home, forms, bounds }, n) => {
+    this.placed.forEach(({ home, of, instance, bounds }, n) => {
       const object = this.cells.length + n;
       const seen = this.seenFrom(bounds, object, outlook);
       if (!seen) return;
@@ -317,28 +325,54 @@ export class Pictures implements Offering<Part> {
       if (!isWhole.has(cell)) isWhole.set(cell, !near.some(Boolean) && this.heldShare(cell, eyes[0]!) >= 1 - 1e-6);
       if (isWhole.get(cell)) return;
       const pixels = visible.subarray(object * eyes.length, (object + 1) * eyes.length).reduce((sum, one) => sum + one, 0);
-      const rows = byMesh.get(forms) ?? [];
-      rows.push({ seen, near, from: farGeometry ? finestAfar(cell, grid.resolution) : Infinity, object, cell, pixels, side: sideOf(bounds) });
-      byMesh.set(forms, rows);
+      const rows = byMesh.get(of.forms) ?? [];
+      const from = farGeometry ? finestAfar(cell, grid.resolution) : Infinity;
+      rows.push({ of, instance, seen, near, from, object, cell, pixels, side: sideOf(bounds) });
+      byMesh.set(of.forms, rows);
     });
-    const pitch = grid.leafSize / grid.resolution;
-    return [...byMesh].flatMap(([forms, rows]) => {
-      const { cell } = rows.reduce((most, row) => (row.pixels > most.pixels ? row : most));
-      return forms.map((form) => {
-        const uses = rows.map(({ seen, near, from, object, side }) => {
-          const isFar = from < Infinity && form.level >= Math.min(from, forms.length - 1);
-          const looks = (width: number): number => (1 - FINE) * (1 - errorAt(form, pitch, width, MESH_FARTHEST)) + FINE * fineness(side / width ** 2, form, forms[0]!);
-          return { object, accuracy: seen.widths.map((width, k) => (near[k] || isFar ? looks(width) : 0)) };
-        });
-        return { cell, isGeometry: true, mesh: forms[0]!.entry.hash, cells: [], resources: [form.mesh], form, uses };
+    return byMesh;
+  }
+
+  /** Levels of the mesh of instances that will be seen: sent once, placed many times. */
+  private meshesOf(forms: readonly MeshForm[], rows: readonly PlacedRow[]): MeshPart[] {
+    const { pitch } = this;
+    return forms.map((form) => {
+      const uses = rows.map(({ seen, near, from, object, side }) => {
+        const isFar = from < Infinity && form.level >= Math.min(from, forms.length - 1);
+        const fine = (width: number): number => fineness(side / width ** 2, form, forms[0]!);
+        const looks = (width: number): number => (1 - FINE) * (1 - errorAt(form, pitch, width, MESH_FARTHEST)) + FINE * fine(width);
+        return { object, accuracy: seen.widths.map((width, k) => (near[k] || isFar ? looks(width) : 0)) };
       });
+      return meshPart(rows, form.mesh, form.images, uses);
     });
   }
 
-  /** Offers a form of a mesh that is not there, as far as it can be had. */
-  private addMesh({ offers, shown }: Found, { form, uses, resources, ...part }: MeshPart): void {
-    if (this.view().lacks(form.mesh)) return;
-    const lacks = this.lacking(resources, form.images);
+  /** Images of instances that will be seen, from the sides that they will be seen from, and those that are there or on their way. */
+  private boardsOf(rows: readonly PlacedRow[], outlook: Outlook): MeshPart[] {
+    const { impostors } = rows[0]!.of;
+    if (impostors.length === 0) return [];
+    const sights = rows.map(({ of, instance }) => outlook.eyes.map((eye) => sightOf(of, instance, eye)));
+    return impostors.flatMap((impostor) => {
+      const sides = sidesFrom(impostor, rows, sights, outlook);
+      impostor.boards.forEach(({ mesh: { state } }, side) => state !== "absent" && sides.add(side));
+      const shown = rows.map((row) => this.likeness(impostor, row, outlook));
+      return [...sides].sort((a, b) => a - b).map((side) => boardPart(impostor.boards[side]!, rows, shown, sights));
+    });
+  }
+
+  /** How well an impostor shows an instance in each interval, seen head on: half by its images' pixels, half by what was measured. */
+  private likeness({ told, entry }: ImpostorForm, { seen, object }: PlacedRow, { height }: Outlook): number[] {
+    const { widths } = seen;
+    return widths.map((width, k) => {
+      const sharp = Math.min(entry.rows / Math.max(height[object * widths.length + k]!, 1e-9), 1);
+      return (1 - FINE) * (1 - errorAt({ told }, this.pitch, width, MESH_FARTHEST)) + FINE * sharp;
+    });
+  }
+
+  /** Offers a form or an image of a mesh that is not there, as far as it can be had. */
+  private addMesh({ offers, shown }: Found, { images, uses, resources, ...part }: MeshPart): void {
+    if (resources.some(this.view().lacks)) return;
+    const lacks = this.lacking(resources, images);
     const size = lacks.reduce((sum, { bytes }) => sum + bytes, 0);
     if (lacks.length === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
     else offers.push({ item: { ...part, resources: resources.filter(({ state }) => state === "absent") }, size, uses, parts: SHARES.length, series: {} });
@@ -349,7 +383,7 @@ export class Pictures implements Offering<Part> {
     const resources = all.filter(({ state }) => state === "absent");
     const absent = [...images].filter(([hash]) => !this.view().holdsImage(hash));
     return [
-      ...resources.map(({ key, bytes, kind }) => ({ name: key, bytes, isShared: kind === "mesh" })),
+      ...resources.map(({ key, bytes, kind }) => ({ name: key, bytes, isShared: kind !== "geometry" })),
       ...absent.map(([hash, bytes]) => ({ name: hash, bytes, isShared: true })),
     ];
   }
@@ -358,6 +392,29 @@ export class Pictures implements Offering<Part> {
 /** As the thesis has it, of a form that takes `area` pixels (BEN 4.1); the twin of `level_accuracy`. */
 function fineness(area: number, form: MeshForm, full: MeshForm): number {
   return Math.sqrt(Math.max(area / full.entry.triangles, 1) / Math.max(area / form.entry.triangles, 1));
+}
+
+function meshPart(rows: readonly PlacedRow[], mesh: Resource, images: MeshPart["images"], uses: readonly Use[]): MeshPart {
+  const { cell, of } = rows.reduce((most, row) => (row.pixels > most.pixels ? row : most));
+  return { cell, isGeometry: true, mesh: of.forms[0]!.entry.hash, cells: [], resources: [mesh], images, uses };
+}
+
+/** An image, of instances that it would show so well head on, and which are seen so in each interval. */
+function boardPart(board: Board, rows: readonly PlacedRow[], shown: readonly (readonly number[])[], sights: Sights): MeshPart {
+  const uses = rows.map(({ object }, n) => ({ object, accuracy: shown[n]!.map((like, k) => like * squareness(board, sights[n]![k]!)) }));
+  return meshPart(rows, board.mesh, NO_IMAGES, uses);
+}
+
+/** Numbers of the boards that are the nearest to any line of sight. */
+function sidesFrom({ boards }: ImpostorForm, rows: readonly PlacedRow[], sights: Sights, { visible, eyes }: Outlook): Set<number> {
+  const step = (2 * Math.PI) / boards.length;
+  const found = new Set<number>();
+  rows.forEach(({ object }, n) => {
+    sights[n]!.forEach(([x, y], k) => {
+      if (visible[object * eyes.length + k]! > 0) found.add((Math.round(Math.atan2(y, x) / step) + boards.length) % boards.length);
+    });
+  });
+  return found;
 }
 
 function sideOf({ lower, upper }: Box): number {
@@ -377,13 +434,9 @@ function betterComing(parts: readonly (Part & { readonly uses: readonly Use[] })
   }
   const isBetter = ({ object, accuracy }: Use): boolean => accuracy[0]! > (best.get(object) ?? 0);
   return parts.flatMap(({ cell, isGeometry, mesh, cells, resources, uses }) => {
-    const coming = resources.filter(isComing);
+    const coming = resources.filter((resource) => resource.coming);
     return coming.length > 0 && uses.some(isBetter) ? [{ cell, isGeometry, mesh, cells, resources: coming }] : [];
   });
-}
-
-function isComing({ state }: Resource): boolean {
-  return state === "loading" || state === "fetched" || state === "ready";
 }
 
 function bytesOf(resources: readonly Resource[]): number {

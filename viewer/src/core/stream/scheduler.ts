@@ -39,7 +39,7 @@ export interface LinkEstimate {
 /** Chooses what to fetch next, by what it adds for the time it takes (BEN 5); the twin of `farfield.stream.scheduler`. */
 export class Scheduler<Item> {
   readonly predictor = new MotionPredictor();
-  private outlook: Outlook = { bounds: [0, 0], eyes: [], visible: new Float64Array(), focal: 1, pixels: 1 };
+  private outlook: Outlook = { bounds: [0, 0], eyes: [], visible: new Float64Array(), height: new Float64Array(), focal: 1, pixels: 1 };
   private offers: readonly Offer<Item>[] = [];
   /** Pixels of each object in each interval, times its importance. */
   private visible = new Float64Array();
