@@ -197,7 +197,7 @@ class Pictures:
         self._add_together(found, outlook)
         rows = self._placed(outlook, whole)
         self._add_meshes(found, rows, away, widths)
-        self._add_boards(found, rows, outlook, widths)
+        self._add_boards(found, rows, outlook, away, widths)
         uses = np.array([use for own in found.uses for use in own], np.int32)
         near_accuracy = np.concatenate([np.zeros((0, len(outlook.eyes))), *found.accuracy])
         return self._split(
@@ -394,7 +394,9 @@ class Pictures:
                     value = listed.forms[meshes[start]].values[level]
                     geometry.add(value, uses[start:end].tolist(), accuracy[start:end])
 
-    def _add_boards(self, geometry: _Geometry, rows: NDArray[np.int64], outlook: Outlook, widths: Floats) -> None:
+    def _add_boards(
+        self, geometry: _Geometry, rows: NDArray[np.int64], outlook: Outlook, away: Floats, widths: Floats
+    ) -> None:
         """Images of instances that will be seen, from the sides that they will be seen from, and those that are there.
 
         As sharp as an image, and seen as squarely (BEN 4.1); the other half is the error that the bake measured.
@@ -405,9 +407,11 @@ class Pictures:
         meshes, uses = listed.mesh[own], len(regions.cells) + rows
         turn, shift = listed.inverse[own, :, :3], listed.inverse[own, :, 3] - listed.boxes[meshes].mean(axis=1)
         towards = np.einsum("nij,kj->nki", turn, outlook.eyes) + shift[:, None]
-        away = np.linalg.norm(towards, axis=2)
+        lengths = np.linalg.norm(towards, axis=2)
         azimuth = np.arctan2(towards[..., 1], towards[..., 0])
-        level = np.hypot(towards[..., 0], towards[..., 1]) / np.maximum(away, 1e-12)
+        level = np.hypot(towards[..., 0], towards[..., 1]) / np.maximum(lengths, 1e-12)
+        level[~turn.any(axis=(1, 2))] = 0.0
+        drawn = self._near(away)[regions.homes[rows]] | regions.shape.far_geometry
         seen = outlook.visible[uses] > 0
         for start, end in zip(*map(np.ndarray.tolist, _runs(meshes)), strict=True):
             part, mesh = slice(start, end), int(meshes[start])
@@ -419,7 +423,7 @@ class Pictures:
                 told = np.repeat(told_errors(impostor.errors)[None], end - start, axis=0)
                 errors = self._regions.tree.errors_at(told, widths[uses[part]], MESH_FARTHEST)
                 sharp = impostor_accuracy(impostor.rows, np.maximum(outlook.height[uses[part]], 1e-9), np.pi / 2)
-                shown = (1 - FINE) * (1 - errors) + FINE * sharp
+                shown = np.where(drawn[part], (1 - FINE) * (1 - errors) + FINE * sharp, 0.0)
                 for side in sorted(sides):
                     across = level[part] * np.cos(azimuth[part] - side * step)
                     accuracy = shown * impostor_accuracy(1.0, 1.0, np.arcsin(np.clip(across, 0.0, 1.0)))

@@ -33,6 +33,7 @@ MESH_TRIANGLES = 1.0
 """The same of all instances in a cell, which are drawn while its pictures are on their way."""
 REACH = 120.0
 """Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 along an edge."""
+_SINGULAR = 1e-12
 _REACHES = 3
 """Views that errors are told for."""
 REMEMBERED = 20_000
@@ -193,7 +194,8 @@ def _boards(listed: InstancedMesh) -> tuple[tuple[CellValues, ...], ...]:
 def _inverse(transforms: Floats) -> Floats:
     """(m, 3, 4) of (m, 3, 4); zeros where there is none."""
     turns = transforms[:, :, :3]
-    has_one = np.abs(np.linalg.det(turns)) > 1e-12
+    # Of the product of its columns' lengths: how large it is does not matter.
+    has_one = np.abs(np.linalg.det(turns)) > _SINGULAR * np.linalg.norm(turns, axis=1).prod(axis=1)
     found = np.zeros_like(transforms)
     found[has_one, :, :3] = np.linalg.inv(turns[has_one])
     found[:, :, 3] = -np.einsum("nij,nj->ni", found[:, :, :3], transforms[:, :, 3])

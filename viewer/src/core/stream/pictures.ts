@@ -361,9 +361,11 @@ export class Pictures implements Offering<Part> {
   }
 
   /** How well an impostor shows an instance in each interval, seen head on: half by its images' pixels, half by what was measured. */
-  private likeness({ told, entry }: ImpostorForm, { seen, object }: PlacedRow, { height }: Outlook): number[] {
+  private likeness({ told, entry }: ImpostorForm, { seen, near, object }: PlacedRow, { height }: Outlook): number[] {
     const { widths } = seen;
+    const { farGeometry } = this.view();
     return widths.map((width, k) => {
+      if (!near[k] && !farGeometry) return 0;
       const sharp = Math.min(entry.rows / Math.max(height[object * widths.length + k]!, 1e-9), 1);
       return (1 - FINE) * (1 - errorAt({ told }, this.pitch, width, MESH_FARTHEST)) + FINE * sharp;
     });
