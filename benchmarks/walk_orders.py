@@ -12,11 +12,20 @@ from numpy.typing import NDArray
 from farfield.stream.tree import NONE, CellValues
 from farfield.walk.link import SlowLink
 from farfield.walk.loops import run_apart
-from farfield.walk.measure import HeldGeometry, HeldMeshes, HeldPictures, Look, Measure, mesh_accuracy
+from farfield.walk.measure import (
+    HeldBoards,
+    HeldGeometry,
+    HeldMeshes,
+    HeldPictures,
+    Look,
+    Measure,
+    mesh_accuracy,
+    piece_meshes,
+)
 from farfield.walk.observer import Pose
 from farfield.walk.session import Received, Values, Walker
 from farfield.walk.walk import WalkedWorld
-from farfield.world.keys import orthoview_key
+from farfield.world.keys import orthoview_key, texture_key
 
 Floats = NDArray[np.float64]
 REQUEST_BYTES = 100
@@ -66,11 +75,11 @@ class ObjectByObject:
         """
         self._objects, self._measure, self._largest = walked.objects.without_ground(), measure, largest
         self._leaves: list[list[tuple[CellValues, ...]]] = [[] for _ in self._objects.ids]
-        pieces = self._objects
-        for row, leaf, mesh in zip(
-            pieces.piece_object.tolist(), pieces.piece_leaf.tolist(), pieces.piece_mesh.tolist(), strict=True
+        pieces, listed = self._objects, walked.tree.instances
+        for row, leaf, instance in zip(
+            pieces.piece_object.tolist(), pieces.piece_leaf.tolist(), pieces.piece_instance.tolist(), strict=True
         ):
-            forms = (walked.tree.forms(leaf) if mesh == NONE else walked.tree.instances.forms[mesh]).values
+            forms = (walked.tree.forms(leaf) if instance == NONE else listed.forms[listed.mesh[instance]]).values
             self._leaves[row].append(forms[::-1] if levels else forms[:1])
         self._sent: set[str] = set()
         self._stage = np.zeros(len(self._leaves), np.int64)
@@ -115,7 +124,8 @@ class BenefitOfObjects:
         for leaf in np.flatnonzero(tree.has_geometry).tolist():
             for key in tree.forms(leaf).values[0].keys:
                 self._all.hold(key)
-        kinds = [self._pictures, self._geometry, HeldMeshes(tree)]
+        self._boards = HeldBoards(tree)
+        kinds = [self._pictures, self._geometry, HeldMeshes(tree), self._boards]
         self._measure = Measure(walked.objects.without_ground(), kinds, size)
         self._sizes = np.full((len(tree.entries), len(directions)), np.inf)
         self._keys: dict[tuple[int, int], str] = {}
@@ -137,14 +147,15 @@ class BenefitOfObjects:
         rates = added / self._sizes
         cell, column = divmod(int(np.argmax(rates)), rates.shape[1])
         leaf, of_leaf = self._best_leaf(look, lacks * (1 - best))
-        mesh, of_mesh = self._best_mesh(look, lacks, best)
-        most = max(of_leaf, of_mesh, float(rates[cell, column]))
+        keys, most = max(
+            self._best_mesh(look, lacks, best),
+            self._best_board(look, lacks, best),
+            (self._lacking(leaf) if of_leaf else (), of_leaf),
+            ((self._keys.get((cell, column), ""),), float(rates[cell, column])),
+            key=lambda offer: offer[1],
+        )
         if most <= 0:
             return ()
-        if of_mesh == most:
-            keys = mesh
-        else:
-            keys = self._lacking(leaf) if of_leaf == most else (self._keys[cell, column],)
         self._sent.update(keys)
         self._measure.hold(keys)
         return keys
@@ -164,7 +175,7 @@ class BenefitOfObjects:
 
     def _best_mesh(self, look: Look, lacks: Floats, best: Floats) -> tuple[tuple[str, ...], float]:
         """What the level of a mesh lacks that adds most for its bytes, and how much."""
-        instances, own = self._tree.instances, look.sight.mesh
+        instances, own = self._tree.instances, piece_meshes(self._tree, look.sight)
         found: tuple[str, ...] = ()
         most = 0.0
         for level in range(max(map(len, instances.triangles), default=0)):
@@ -178,6 +189,19 @@ class BenefitOfObjects:
                 size = sum(sizes.values()) + REQUEST_BYTES * len(sizes)
                 if sizes and added[mesh] / size > most:
                     found, most = tuple(sizes), float(added[mesh] / size)
+        return found, most
+
+    def _best_board(self, look: Look, lacks: Floats, best: Floats) -> tuple[tuple[str, ...], float]:
+        """The image of a mesh that adds most for its bytes, and how much."""
+        found: tuple[str, ...] = ()
+        most = 0.0
+        for mesh, number, pieces, accuracy in self._boards.all_accuracies(look.sight):
+            images = self._tree.instances.impostors[mesh][number].images
+            sizes = np.array([size + REQUEST_BYTES for _, size in images])
+            rates = lacks[pieces] @ np.maximum(accuracy - best[pieces, None], 0.0) / sizes
+            side = int(np.argmax(rates))
+            if rates[side] > most:
+                found, most = (texture_key(images[side][0]),), float(rates[side])
         return found, most
 
     def _lacking(self, leaf: int) -> tuple[str, ...]:

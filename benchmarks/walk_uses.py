@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections import defaultdict
 
 import numpy as np
+from numpy.typing import NDArray
 
-from farfield.walk.measure import HeldGeometry, HeldMeshes, HeldPictures, Measure
+from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMeshes, HeldPictures, Measure, Sight, piece_meshes
 from farfield.walk.session import Received, Walker
 from farfield.walk.walk import WalkedWorld, WalkOptions
-from farfield.world.keys import orthoview_key
+from farfield.world.keys import orthoview_key, texture_key
+
+Floats = NDArray[np.float64]
 
 
 def of_use(known: WalkedWorld, walker: Walker, options: WalkOptions, received: Received) -> dict[str, int]:
     """Bytes by what they were good for, every half second, as the measure sees it.
 
-    best: pictures that were the best of something in view at least once, and geometry that was shown. top: pictures
-    from above, in which who walks sees the ground alone. behind: second layers. ground: of cells in which nothing
-    stands. beaten: others. unfinished: of values that had not come whole, and of messages.
+    best: pictures and boards that were the best of something in view at least once, and geometry that was shown. top:
+    pictures from above, in which who walks sees the ground alone. behind: second layers. ground: of cells in which
+    nothing stands. beaten: others. unfinished: of values that had not come whole, and of messages.
     """
     uses = _Uses(known, walker, options)
     arrivals = iter(received.arrivals)
@@ -44,8 +47,9 @@ class _Uses:
         self._top = {number for number, vector in directions if vector[2] > 0.99}
         self._pictures, self._geometry = HeldPictures(tree, directions), HeldGeometry(tree, options.near_radius)
         objects = known.objects.without_ground()
-        self._meshes = HeldMeshes(tree)
-        self._measure = Measure(objects, [self._pictures, self._geometry, self._meshes], walker.size)
+        self._meshes, self._boards = HeldMeshes(tree), HeldBoards(tree)
+        kinds = [self._pictures, self._geometry, self._meshes, self._boards]
+        self._measure = Measure(objects, kinds, walker.size)
         self._places = {
             orthoview_key(entry.cell, direction, layer, entry.hash): (row, columns[direction], direction, layer)
             for row, entry in enumerate(tree.entries)
@@ -53,6 +57,8 @@ class _Uses:
         }
         self._held = np.zeros((len(tree.entries), len(directions)), bool)
         self._best = np.zeros_like(self._held)
+        self._keys: set[str] = set()
+        """Of all that is held."""
         self._shown: set[str] = set()
         self._inhabited = np.zeros(len(tree.entries), bool)
         cells = np.unique(objects.piece_leaf)
@@ -63,6 +69,7 @@ class _Uses:
 
     def hold(self, key: str) -> None:
         self._measure.hold([key])
+        self._keys.add(key)
         if key in self._places and self._places[key][3] == 0:
             self._held[self._places[key][:2]] = True
 
@@ -72,14 +79,24 @@ class _Uses:
         leaves, meshes = self._geometry.accuracy(look.sight), self._meshes.accuracy(look.sight)
         for leaf in np.unique(look.sight.leaf[leaves > 0]).tolist():
             self._shown.update(key for form in self._tree.forms(leaf).values for key in form.keys)
-        for mesh in np.unique(look.sight.mesh[meshes > 0]).tolist():
+        for mesh in np.unique(piece_meshes(self._tree, look.sight)[meshes > 0]).tolist():
             self._shown.update(key for value in self._tree.instances.forms[mesh].values for key in value.keys)
-        most = np.max([leaves, meshes, self._pictures.accuracy(look.sight)], axis=0)
+        most = self._measure.piece_accuracy(look.sight)
+        self._look_at_boards(look.sight, most)
         for pieces, cells, accuracy in self._pictures.all_accuracies(look.sight):
             own = np.where(self._held[cells], accuracy, 0.0)
             first, column = own.max(axis=1), own.argmax(axis=1)
             used = (first > 0) & (first >= most[pieces])
             self._best[cells[used], column[used]] = True
+
+    def _look_at_boards(self, sight: Sight, most: Floats) -> None:
+        """most: (k,) accuracy of each piece by the best that is held."""
+        for mesh, number, pieces, accuracy in self._boards.all_accuracies(sight):
+            keys = [texture_key(name) for name, _ in self._tree.instances.impostors[mesh][number].images]
+            used = (accuracy > 0) & (accuracy >= most[pieces, None])
+            self._shown.update(
+                keys[side] for side in np.flatnonzero(used.any(axis=0)).tolist() if keys[side] in self._keys
+            )
 
     def kind(self, key: str) -> str:
         """What a value was good for."""

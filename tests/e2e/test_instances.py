@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
+from functools import partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from playwright.sync_api import Browser, Route, WebSocketRoute
+from playwright.sync_api import Browser
 
 from bake.scenes import Held, ground
 from e2e.browsing import Pixels, Visit, differing, visiting
+from e2e.pushing import opened_with
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.scene.model import Instances, Material, Mesh, Scene, Texture
@@ -116,51 +116,8 @@ Opened = Callable[..., AbstractContextManager[Visit]]
 
 @pytest.fixture
 def opened(browser: Browser, server: str) -> Opened:
-    """Opens a page; of values only those given are to be had, and of them those in `pushed` come in a session."""
-
-    @contextmanager
-    def open_page(allowed: set[str], pushed: dict[str, bytes], query: str = "") -> Iterator[Visit]:
-        context = browser.new_context(viewport={"width": 640, "height": 480})
-        page = context.new_page()
-        page.set_default_timeout(60_000)
-
-        def answer(route: Route) -> None:
-            key = "/".join(route.request.url.split("#")[0].split("/")[3:])
-            route.continue_() if key in allowed else route.fulfill(status=404)
-
-        def alone(route: Route) -> None:
-            response = route.fetch()
-            headers = {name: value for name, value in response.headers.items() if name != "farfield-batch"}
-            route.fulfill(response=response, headers=headers)
-
-        page.route(re.compile(r"/(orthoview|objects|geometry|mesh|texture)/"), answer)
-        page.route("**/world.json", alone)
-        page.route_web_socket("**/stream", lambda socket: _push(socket, dict(pushed)))
-        visit = Visit(page, expect_errors=True)
-        page.goto(server + query)
-        page.wait_for_function("window.farfield !== undefined && !!farfield.world.manifest")
-        yield visit
-        context.close()
-
-    return open_page
-
-
-def _push(socket: WebSocketRoute, values: dict[str, bytes]) -> None:
-    """A session that brings these values, whatever is seen, and then nothing more."""
-
-    def hear(message: str | bytes) -> None:
-        if "hello" in str(message):
-            socket.send('{"type":"welcome","version":1,"generation":1,"piece":16384}')
-        elif '"view"' in str(message):
-            for number, (key, value) in enumerate(values.items(), 1):
-                socket.send(json.dumps({"type": "value", "number": number, "key": key, "bytes": len(value)}))
-                for at in range(0, len(value), 16384):
-                    piece = value[at : at + 16384]
-                    socket.send(number.to_bytes(4, "little") + at.to_bytes(4, "little") + piece)
-            values.clear()
-            socket.send('{"type":"idle"}')
-
-    socket.on_message(hear)
+    """Opens a page of the garden; see `opened_with`."""
+    return partial(opened_with, browser, server)
 
 
 def values_of(store: DirectoryStore, levels: list[MeshLevel]) -> dict[str, bytes]:

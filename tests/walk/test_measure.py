@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.tree import NONE, CellTree
-from farfield.walk.measure import HeldGeometry, HeldPictures, Measure, samples
+from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMeshes, HeldPictures, Measure, samples
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
-from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel
-from farfield.world.keys import geometry_key, mesh_key, orthoview_key
+from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel, Impostor, InstancedMesh, MeshLevel
+from farfield.world.keys import geometry_key, mesh_key, orthoview_key, texture_key
 
 GRID = Grid(leaf_size=8.0, resolution=64, corner=(0.0, 0.0, 0.0), axis_levels=(1, 1, 0))
 LEAF, OTHER, ROOT = CellKey(0, 0, 0, 0), CellKey(0, 1, 0, 0), CellKey(1, 0, 0, 0)
@@ -36,7 +37,9 @@ def entry(key: CellKey) -> CellEntry:
 TREE = CellTree(GRID, [entry(ROOT), entry(LEAF), entry(OTHER)], [NONE, 0, 0])
 
 
-def objects(*boxes: tuple[float, ...], pieces: tuple[tuple[int, int, float], ...]) -> WorldObjects:
+def objects(
+    *boxes: tuple[float, ...], pieces: tuple[tuple[int, int, float], ...], instances: tuple[int, ...] | None = None
+) -> WorldObjects:
     rows, leaves, shares = (np.array(column) for column in zip(*pieces, strict=True))
     count = len(boxes)
     return WorldObjects(
@@ -47,7 +50,7 @@ def objects(*boxes: tuple[float, ...], pieces: tuple[tuple[int, int, float], ...
         rows,
         leaves,
         shares,
-        np.full(len(rows), NONE),
+        np.full(len(rows), NONE) if instances is None else np.array(instances),
     )
 
 
@@ -63,6 +66,89 @@ def quality(of: WorldObjects, *held: str, near: float = 0.0, pose: Pose = POSE) 
     measure = Measure(of, [HeldGeometry(TREE, near), HeldPictures(TREE, DIRECTIONS)], SIZE)
     measure.hold(held)
     return measure.sample(pose).quality
+
+
+def board(letter: str, side: int) -> str:
+    return texture_key(letter * 15 + str(side))
+
+
+def impostor(letter: str, rows: int, sides: int) -> Impostor:
+    return Impostor(rows, tuple((board(letter, side).split("/")[1], 100) for side in range(sides)))
+
+
+def statues() -> CellTree:
+    """One mesh with boards of 8 and of 4 rows: turned by 90 degrees, so that its x is the world's y; mirrored along x;
+    and another mesh that has none.
+    """
+    box = ((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))
+    turned = (0, -1, 0, 4, 1, 0, 0, 4, 0, 0, 1, 0)
+    mirrored = (-1, 0, 0, 4, 0, 1, 0, 4, 0, 0, 1, 0)
+    levels = MeshLevel(MESH, 500, 1000), MeshLevel("ad" * 8, 50, 10, (("ae" * 8, 9),), (9, 9, 9))
+    one = InstancedMesh(box, levels, (1, 2), (turned, mirrored), (impostor("e", 8, 4), impostor("c", 4, 8)))
+    other = InstancedMesh(box, (MeshLevel("af" * 8, 5, 10),), (3,), (turned,))
+    leaf = msgspec.structs.replace(entry(LEAF), instances=(one, other))
+    return CellTree(GRID, [entry(ROOT), leaf, entry(OTHER)], [NONE, 0, 0])
+
+
+STATUES = statues()
+
+
+def by_boards(instance: int, *held: str, top: float = 2.0, pose: Pose = POSE) -> float:
+    """Quality of ONE, or what of it is so high, of an instance of STATUES."""
+    seen = objects((3, 3, 0, 5, 5, top), pieces=((0, 1, 1.0),), instances=(instance,))
+    measure = Measure(seen, [HeldBoards(STATUES)], SIZE)
+    measure.hold(held)
+    return measure.sample(pose).quality
+
+
+def test_boards_by_rows_and_angle_in_the_frame_of_their_mesh() -> None:
+    # 10.53 pixels again; the eye lies at -x of the mesh, which is turned.
+    rows = 8 * 19 / 200
+    assert by_boards(0, board("e", 2)) == pytest.approx(rows, rel=1e-5)
+    assert by_boards(0, board("c", 4)) == pytest.approx(rows / 2, rel=1e-5)
+    assert by_boards(0, board("e", 2), board("c", 4)) == pytest.approx(rows, rel=1e-5)
+    assert [by_boards(0, board("e", side)) for side in (0, 1, 3)] == pytest.approx([0, 0, 0])
+    aside = (0.5**0.5 / 0.75**0.5) ** 3
+    for side in (3, 5):
+        assert by_boards(0, board("c", side)) == pytest.approx(rows / 2 * aside, rel=1e-5)
+
+
+def test_boards_of_what_is_mirrored() -> None:
+    """From the world's +x one is at -x of the mesh."""
+    pose = Pose(np.array([24.0, 4.0, 1.0]), np.array([-1.0, 0.0, 0.0]), 90.0)
+    assert by_boards(1, board("e", 2), pose=pose) == pytest.approx(8 * 19 / 200, rel=1e-5)
+    assert by_boards(1, board("e", 0), pose=pose) == 0
+    assert by_boards(1, board("e", 3)) == pytest.approx(8 * 19 / 200, rel=1e-5)
+
+
+def test_boards_from_above_show_less() -> None:
+    # 45 degrees above the middle.
+    pose = Pose(np.array([4.0, -16.0, 21.0]), np.array([0.0, 0.5**0.5, -(0.5**0.5)]), 90.0)
+    height = Measure(ONE, [], SIZE).look(pose).sight.height[0]
+    found = by_boards(0, *(board("e", side) for side in range(4)), pose=pose)
+    assert found == pytest.approx(8 / height * (0.5 / 0.75) ** 1.5, rel=1e-5)
+
+
+def test_a_part_of_a_mesh_has_its_part_of_the_rows() -> None:
+    # Half of 8 rows, half as high: as sharp as the whole.
+    assert by_boards(0, board("e", 2), top=1.0) == pytest.approx(8 * 19 / 200, rel=1e-5)
+
+
+def test_boards_of_nothing_else() -> None:
+    every = [board(letter, side) for letter in "ec" for side in range(8)]
+    assert by_boards(2, *every) == by_boards(NONE, *every) == 0.0
+    assert by_boards(0, mesh_key(MESH), "texture/" + "ae" * 8) == 0.0
+
+
+def test_levels_of_meshes_need_their_images() -> None:
+    seen = objects((3, 3, 0, 5, 5, 2), pieces=((0, 1, 1.0),), instances=(1,))
+    # A metre before it a face of 10 has 4,000 pixels, one of 1,000 has 40.
+    close = Pose(np.array([4.0, 2.0, 1.0]), np.array([0.0, 1.0, 0.0]), 90.0)
+    coarse = mesh_key("ad" * 8), texture_key("ae" * 8)
+    for held, expected in [(coarse[:1], 0.0), (coarse, 0.1), ((*coarse, mesh_key(MESH)), 1.0), ((board("e", 3),), 0.0)]:
+        measure = Measure(seen, [HeldMeshes(STATUES)], SIZE)
+        measure.hold(held)
+        assert measure.sample(close).quality == pytest.approx(expected)
 
 
 def test_nothing_is_held() -> None:

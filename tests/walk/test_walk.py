@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from PIL import Image
 
 from e2e.world import HALF, town
@@ -16,8 +17,12 @@ from farfield.bake.options import BakeOptions
 from farfield.cli import main
 from farfield.scene.model import Scene
 from farfield.store.directory import DirectoryStore
+from farfield.stream.tree import NONE, CellTree
 from farfield.view.path import CameraPath, PathFrame
+from farfield.walk.observer import Poses
 from farfield.walk.walk import WalkedWorld, WalkOptions, walk
+from farfield.world.index import Impostor
+from farfield.world.keys import texture_key
 
 SECONDS, BANDWIDTH = 5, 30_000
 
@@ -53,6 +58,36 @@ def test_objects_are_told_from_geometry(world: DirectoryStore, scene: Scene) -> 
     assert (standing.boxes[:, 5] > standing.boxes[:, 2] + 1).all()
     assert len(standing.piece_object) == (~objects.is_ground[objects.piece_object]).sum()
     assert standing.piece_object.max() == len(standing.ids) - 1
+
+
+def test_pieces_know_their_instances(world: DirectoryStore) -> None:
+    known = WalkedWorld.of(world)
+    objects, listed = known.objects, known.tree.instances
+    own = np.flatnonzero(objects.piece_instance != NONE)
+    assert set(objects.piece_instance[own].tolist()) == set(range(len(listed.leaf)))
+    assert len(listed.leaf) > 20
+    boxes, around = objects.boxes[objects.piece_object[own]], listed.bounds[objects.piece_instance[own]]
+    assert (boxes[:, :3] >= around[:, :3] - 0.01).all()
+    assert (boxes[:, 3:] <= around[:, 3:] + 0.01).all()
+
+
+def test_boards_count(world: DirectoryStore, path: CameraPath) -> None:
+    """As soon as their images are there, for viewers that draw any geometry."""
+    known = WalkedWorld.of(world)
+    images = tuple((f"{side:016x}", 100) for side in range(8))
+    entries = [
+        replace(entry, instances=tuple(replace(one, impostors=(Impostor(96, images),)) for one in entry.instances))
+        for entry in known.tree.entries
+    ]
+    tree = CellTree(known.tree.grid, entries, known.tree.parents.tolist())
+    walked = WalkedWorld(known.world, tree, known.objects)
+    pose = Poses(path).at(1.0)
+    for near_radius, least in ((None, 0.3), (0.0, 0.0)):
+        measure = walked.measure(WalkOptions(1.0, near_radius=near_radius))
+        assert measure.sample(pose).quality == 0
+        measure.hold(texture_key(name) for name, _ in images)
+        quality = measure.sample(pose).quality
+        assert quality > least if least else quality == 0
 
 
 def test_a_walk(world: DirectoryStore, path: CameraPath) -> None:

@@ -7,7 +7,7 @@ lies in several leaves is as accurate as its pieces are, by their shares of its 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.kernels.boxes import see_boxes
+from farfield.represent.geometry.board import squareness
 from farfield.stream.accuracy import impostor_accuracy, level_accuracy
 from farfield.stream.tree import NONE, CellTree
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
-from farfield.world.keys import orthoview_key
+from farfield.world.keys import orthoview_key, texture_key
 
 Floats = NDArray[np.float64]
 LEAST_VISIBLE = 1.0
@@ -46,8 +47,8 @@ class Sight:
     """(k,) triangles of its object's full model."""
     towards: Floats
     """(k, 3) unit vectors from the middle of its object to the eye."""
-    mesh: NDArray[np.int64]
-    """(k,) see WorldObjects.piece_mesh."""
+    instance: NDArray[np.int64]
+    """(k,) see WorldObjects.piece_instance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,26 @@ class HeldKind(Protocol):
         ...
 
 
+class _Gathered:
+    """Counts what lacks of forms that are drawn when all of their values are there."""
+
+    def __init__(self, forms: Iterable[tuple[int, int, Collection[str]]]) -> None:
+        """forms: what each is of, its level, and its keys."""
+        self._lacking: dict[tuple[int, int], int] = {}
+        self._users: dict[str, list[tuple[int, int]]] = {}
+        for of, level, keys in forms:
+            self._lacking[of, level] = len(keys)
+            for key in keys:
+                self._users.setdefault(key, []).append((of, level))
+
+    def hold(self, key: str) -> list[tuple[int, int]]:
+        """A value has come; returns of what, and by which levels, forms are complete now."""
+        users = self._users.pop(key, [])
+        for user in users:
+            self._lacking[user] -= 1
+        return [user for user in users if self._lacking[user] == 0]
+
+
 class HeldGeometry:
     """Leaves as triangles, the full models or a coarser form, when all of it is there.
 
@@ -90,23 +111,16 @@ class HeldGeometry:
         """Of the full models' triangles that the finest form that is held of each leaf has."""
         self._far = np.zeros(len(tree.entries))
         """The same of forms that may be drawn from afar."""
-        self._lacking: dict[tuple[int, int], int] = {}
-        self._users: dict[str, list[tuple[int, int]]] = {}
-        for cell in np.flatnonzero(tree.has_geometry).tolist():
-            for form in tree.forms(cell).values:
-                self._lacking[cell, form.level] = len(form.keys)
-                for key in form.keys:
-                    self._users.setdefault(key, []).append((cell, form.level))
+        cells = np.flatnonzero(tree.has_geometry).tolist()
+        self._gathered = _Gathered((cell, form.level, form.keys) for cell in cells for form in tree.forms(cell).values)
 
     def hold(self, key: str) -> None:
         """See HeldKind."""
-        for cell, level in self._users.pop(key, []):
-            self._lacking[cell, level] -= 1
-            if self._lacking[cell, level] == 0:
-                share = triangle_share(self._tree, cell, level)
-                self._share[cell] = max(self._share[cell], share)
-                if self._tree.forms(cell).far[level]:
-                    self._far[cell] = max(self._far[cell], share)
+        for cell, level in self._gathered.hold(key):
+            share = triangle_share(self._tree, cell, level)
+            self._share[cell] = max(self._share[cell], share)
+            if self._tree.forms(cell).far[level]:
+                self._far[cell] = max(self._far[cell], share)
 
     def accuracy(self, sight: Sight) -> Floats:
         """See HeldKind."""
@@ -122,29 +136,75 @@ class HeldMeshes:
     """Objects by the levels of their meshes, which are drawn wherever the index has instances of them."""
 
     def __init__(self, tree: CellTree) -> None:
-        instances = tree.instances
-        self._share = np.zeros(len(instances.forms) + 1)
+        self._tree = tree
+        self._share = np.zeros(len(tree.instances.forms) + 1)
         """Of the full model's triangles that the finest level that is held has; the last is that of no mesh."""
-        self._lacking: dict[tuple[int, int], int] = {}
-        self._users: dict[str, list[tuple[int, int]]] = {}
-        self._triangles = instances.triangles
-        for mesh, forms in enumerate(instances.forms):
-            for level, value in enumerate(forms.values):
-                self._lacking[mesh, level] = len(value.keys)
-                for key in value.keys:
-                    self._users.setdefault(key, []).append((mesh, level))
+        self._gathered = _Gathered(
+            (mesh, form.level, form.keys) for mesh, forms in enumerate(tree.instances.forms) for form in forms.values
+        )
 
     def hold(self, key: str) -> None:
         """See HeldKind."""
-        for mesh, level in self._users.pop(key, []):
-            self._lacking[mesh, level] -= 1
-            if self._lacking[mesh, level] == 0:
-                own = self._triangles[mesh]
-                self._share[mesh] = max(self._share[mesh], own[level] / own[0])
+        for mesh, level in self._gathered.hold(key):
+            own = self._tree.instances.triangles[mesh]
+            self._share[mesh] = max(self._share[mesh], own[level] / own[0])
 
     def accuracy(self, sight: Sight) -> Floats:
         """See HeldKind."""
-        return mesh_accuracy(sight, self._share[sight.mesh])
+        return mesh_accuracy(sight, self._share[piece_meshes(self._tree, sight)])
+
+
+class HeldBoards:
+    """Instances that the index lists by images of their meshes, which stand upright, each across its direction.
+
+    Of the rows that the object has in them, and by the angle between the line of sight and their plane, in the mesh's
+    frame.
+    """
+
+    def __init__(self, tree: CellTree) -> None:
+        self._tree = tree
+        impostors = tree.instances.impostors
+        self._held = tuple(tuple(np.zeros(len(one.images), bool) for one in own) for own in impostors)
+        """Of each mesh, of each of its impostors, (sides,)."""
+        self._places: dict[str, list[tuple[int, int, int]]] = {}
+        for mesh, own in enumerate(impostors):
+            for number, impostor in enumerate(own):
+                for side, (name, _) in enumerate(impostor.images):
+                    self._places.setdefault(texture_key(name), []).append((mesh, number, side))
+
+    def hold(self, key: str) -> None:
+        """See HeldKind."""
+        for mesh, number, side in self._places.get(key, []):
+            self._held[mesh][number][side] = True
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """See HeldKind."""
+        found = np.zeros(len(sight.instance))
+        for mesh, number, pieces, accuracy in self.all_accuracies(sight):
+            best = np.where(self._held[mesh][number], accuracy, 0.0).max(axis=1)
+            found[pieces] = np.maximum(found[pieces], best)
+        return found
+
+    def all_accuracies(self, sight: Sight) -> Iterator[tuple[int, int, NDArray[np.int64], Floats]]:
+        """Of all boards, held or not, impostor by impostor: its mesh and number; pieces, (l,); (l, sides) accuracy."""
+        listed, meshes = self._tree.instances, piece_meshes(self._tree, sight)
+        for mesh in np.unique(meshes[meshes != NONE]).tolist():
+            pieces = np.flatnonzero(meshes == mesh)
+            own, height = sight.instance[pieces], sight.height[pieces]
+            # Of a mesh of several objects each has its share of the rows.
+            share = np.minimum(
+                sight.metres[pieces] / np.maximum(listed.bounds[own, 5] - listed.bounds[own, 2], 1e-9), 1
+            )
+            for number, impostor in enumerate(listed.impostors[mesh]):
+                eyes, count = sight.eye[None], len(impostor.images)
+                square = squareness(listed.boxes[mesh], count, listed.transforms[own], eyes)[:, 0]
+                sharp = impostor_accuracy(impostor.rows * share, height, np.pi / 2)
+                yield mesh, number, pieces, sharp[:, None] * square
+
+
+def piece_meshes(tree: CellTree, sight: Sight) -> NDArray[np.int64]:
+    """(k,) number in CellTree.instances of the mesh of each piece; NONE: of none."""
+    return np.append(tree.instances.mesh, NONE)[sight.instance].astype(np.int64)
 
 
 def mesh_accuracy(sight: Sight, share: Floats) -> Floats:
@@ -253,7 +313,7 @@ class Measure:
         metres = objects.boxes[own, 5] - objects.boxes[own, 2]
         sight = Sight(
             pose.eye, focal, objects.piece_leaf[pieces], seen[own, 1], seen[own, 2], metres,
-            objects.faces[own].astype(np.float64), towards, objects.piece_mesh[pieces],
+            objects.faces[own].astype(np.float64), towards, objects.piece_instance[pieces],
         )  # fmt: skip
         return Look(rows, seen[rows, 0], sight, places[own], objects.piece_share[pieces])
 

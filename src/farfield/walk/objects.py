@@ -37,8 +37,8 @@ class WorldObjects:
     """(p,) number of its leaf in the CellTree."""
     piece_share: Floats
     """(p,) share of the object's surface that it is; those of an object add up to 1."""
-    piece_mesh: NDArray[np.int64]
-    """(p,) number in CellTree.instances of the mesh that shows it, as the index tells; NONE: none does."""
+    piece_instance: NDArray[np.int64]
+    """(p,) row in CellTree.instances of the instance that it is of, as the index tells; NONE: of none."""
 
     def without_ground(self) -> WorldObjects:
         """Only what stands on it."""
@@ -47,7 +47,7 @@ class WorldObjects:
         rows = np.cumsum(kept) - 1
         return WorldObjects(
             self.ids[kept], self.boxes[kept], self.is_ground[kept], self.faces[kept], rows[self.piece_object[pieces]],
-            self.piece_leaf[pieces], self.piece_share[pieces], self.piece_mesh[pieces],
+            self.piece_leaf[pieces], self.piece_share[pieces], self.piece_instance[pieces],
         )  # fmt: skip
 
 
@@ -87,10 +87,10 @@ class _Sums:
     surfaces: list[Floats] = field(default_factory=list)
     """Square metres of all triangles, and of what of them faces up, seen from above; and how many they are."""
     boxes: list[Floats] = field(default_factory=list)
-    meshes: list[NDArray[np.int64]] = field(default_factory=list)
+    instances: list[NDArray[np.int64]] = field(default_factory=list)
 
-    def add(self, leaf: int, triangles: _Triangles, mesh: int = NONE) -> None:
-        """Triangles that lie in a leaf, local metres. mesh: see WorldObjects.piece_mesh."""
+    def add(self, leaf: int, triangles: _Triangles, instance: int = NONE) -> None:
+        """Triangles that lie in a leaf, local metres. instance: see WorldObjects.piece_instance."""
         if not len(triangles.objects):
             return
         order = np.argsort(triangles.objects, kind="stable")
@@ -102,7 +102,7 @@ class _Sums:
         upper = np.maximum.reduceat(corners.max(axis=1), starts)
         self.objects.append(objects[starts])
         self.leaves.append(np.full(len(starts), leaf, np.int64))
-        self.meshes.append(np.full(len(starts), mesh, np.int64))
+        self.instances.append(np.full(len(starts), instance, np.int64))
         self.surfaces.append(np.add.reduceat(sizes, starts))
         self.boxes.append(np.concatenate([lower, upper], axis=1))
 
@@ -121,7 +121,7 @@ class _Sums:
         most = np.maximum(whole[:, 0], 1e-12)
         return WorldObjects(
             ids, np.concatenate([lower, upper], axis=1), whole[:, 1] >= LIES_FLAT * most, whole[:, 2].astype(np.int64),
-            rows.astype(np.int64), leaves, surfaces[:, 0] / most[rows], np.concatenate([none, *self.meshes]),
+            rows.astype(np.int64), leaves, surfaces[:, 0] / most[rows], np.concatenate([none, *self.instances]),
         )  # fmt: skip
 
 
@@ -130,8 +130,8 @@ class _Reader:
         self.found = _Sums()
         self._world, self._tree = world, tree
         self._meshes: dict[str, _Triangles] = {}
-        listed = tree.instances
-        self._listed = dict(zip(listed.objects.tolist(), listed.mesh.tolist(), strict=True))
+        self._listed = {first: row for row, first in enumerate(tree.instances.objects.tolist())}
+        """Rows of the instances by the ids of their first objects."""
 
     def read(self, leaf: int) -> None:
         """One leaf's geometry."""

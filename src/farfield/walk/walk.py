@@ -15,7 +15,16 @@ from farfield.stream.tree import CellTree
 from farfield.view.path import CameraPath
 from farfield.walk.frames import Frame, FrameDrawer, frames
 from farfield.walk.link import SlowLink
-from farfield.walk.measure import HeldGeometry, HeldKind, HeldMeshes, HeldPictures, Measure, Sample, samples
+from farfield.walk.measure import (
+    HeldBoards,
+    HeldGeometry,
+    HeldKind,
+    HeldMeshes,
+    HeldPictures,
+    Measure,
+    Sample,
+    samples,
+)
 from farfield.walk.objects import WorldObjects, read_objects
 from farfield.walk.observer import Poses
 from farfield.walk.session import Received, Walker, stream_walk
@@ -96,7 +105,7 @@ class WalkedWorld:
         directions = [(d.number, d.vector) for d in self.world.manifest.directions]
         kinds: list[HeldKind] = [HeldGeometry(self.tree, options.near_radius), HeldPictures(self.tree, directions)]
         if options.near_radius != 0:
-            kinds.append(HeldMeshes(self.tree))
+            kinds += [HeldMeshes(self.tree), HeldBoards(self.tree)]
         return Measure(self.objects if options.ground else self.objects.without_ground(), kinds, options.size)
 
 
