@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from farfield.represent.geometry.board import board_matrix, board_mesh, side_directions, squareness
+from farfield.represent.geometry.board import board_matrix, board_mesh, side_directions, sines, squareness
 from farfield.scene.model import Texture
 
 BOX = np.array([[-1.0, -2.0, 0.0], [3.0, 4.0, 5.0]])
 """4 x 6 x 5 m, the middle at (1, 1, 2.5)."""
 MIDDLE = np.array([1.0, 1.0, 2.5])
 SMALL = st.floats(-5, 5).map(lambda value: round(value, 3))
+
+
+def square(*of: Any) -> np.ndarray:
+    """Squareness of boards; see `sines`."""
+    return squareness(sines(*of))
 
 
 def placed(matrix: np.ndarray, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -25,7 +32,7 @@ def seen(transform: np.ndarray, towards: list[float], count: int = 4) -> np.ndar
     """(count,) squareness from an eye that lies in that direction, mesh frame, 7 m before the middle."""
     point = MIDDLE + 7 * np.array(towards) / np.linalg.norm(towards)
     eye = transform[0, :, :3] @ point + transform[0, :, 3]
-    return np.asarray(squareness(BOX, count, transform, eye[None])[0, 0])
+    return np.asarray(square(BOX, count, transform, eye[None])[0, 0])
 
 
 def test_sides_go_round_from_x() -> None:
@@ -70,7 +77,7 @@ def test_squareness_by_hand() -> None:
     # Half way up to the zenith, and from there.
     assert np.allclose(seen(still, [0, -1, 1]), [0, 0, 0, half])
     assert np.allclose(seen(still, [0, 0, 1]), 0)
-    assert (squareness(BOX, 4, still, MIDDLE[None]) == 0).all()
+    assert (square(BOX, 4, still, MIDDLE[None]) == 0).all()
 
 
 def test_squareness_is_of_the_meshs_frame() -> None:
@@ -81,29 +88,29 @@ def test_squareness_is_of_the_meshs_frame() -> None:
     eye = np.array([[-1e6, -4.0, 1.0]])
     towards = np.linalg.solve(mirrored[0, :, :3], [-1.0, 0, 0])
     sine = np.clip(side_directions(4) @ towards / np.linalg.norm(towards), 0, 0.75**0.5)
-    assert np.allclose(squareness(BOX, 4, mirrored, eye)[0, 0], (sine / 0.75**0.5) ** 3, atol=1e-4)
+    assert np.allclose(square(BOX, 4, mirrored, eye)[0, 0], (sine / 0.75**0.5) ** 3, atol=1e-4)
 
 
 def test_many_at_once() -> None:
     transforms = np.concatenate([placed(np.eye(3), (n, 0, 0)) for n in range(3)])
     eyes = np.random.default_rng(1).normal(size=(5, 3)) * 9
-    found = squareness(BOX, 8, transforms, eyes)
+    found = square(BOX, 8, transforms, eyes)
     assert found.shape == (3, 5, 8)
-    one = squareness(BOX, 8, transforms[2:], eyes[3:4])
+    one = square(BOX, 8, transforms[2:], eyes[3:4])
     assert np.allclose(found[2, 3], one[0, 0])
-    assert squareness(BOX, 8, transforms[:0], eyes).shape == (0, 5, 8)
+    assert square(BOX, 8, transforms[:0], eyes).shape == (0, 5, 8)
 
 
 @pytest.mark.parametrize("matrix", [np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), np.ones((3, 3)) * 0.3])
 def test_what_is_flattened_shows_nothing(matrix: np.ndarray) -> None:
-    found = squareness(BOX, 4, np.concatenate([placed(matrix), placed(np.eye(3))]), np.array([[9.0, 1.0, 2.5]]))
+    found = square(BOX, 4, np.concatenate([placed(matrix), placed(np.eye(3))]), np.array([[9.0, 1.0, 2.5]]))
     assert (found[0] == 0).all()
     assert np.allclose(found[1], [1, 0, 0, 0])
 
 
 @given(st.lists(SMALL, min_size=12, max_size=12), st.tuples(SMALL, SMALL, SMALL), st.integers(1, 32))
 def test_squareness_is_a_share(transform: list[float], eye: tuple[float, float, float], count: int) -> None:
-    found = squareness(BOX, count, np.array(transform).reshape(1, 3, 4), np.array([eye]))
+    found = square(BOX, count, np.array(transform).reshape(1, 3, 4), np.array([eye]))
     assert ((found >= 0) & (found <= 1)).all()
 
 

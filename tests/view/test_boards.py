@@ -215,8 +215,8 @@ def test_what_shows_most_is_drawn(still: WithBoards) -> None:
     assert chosen(still, 0, boards | keys(coarse), Impostor(96, fine, BOARD), Impostor(12, coarse, BOARD)) == fine[0][0]
     assert chosen(still, 0, boards | keys(coarse), Impostor(96, fine, BOARD), Impostor(12, coarse)) == coarse[0][0]
     assert chosen(still, 181, keys(fine[:2], coarse[2:3]), *two) == coarse[2][0]
-    # The lower number: 20 and 25 degrees from head on are the same.
-    assert chosen(still, 25, keys(images("e", 8)), Impostor(96, images("e", 8))) == "e" * 15 + "0"
+    # 20 and 25 degrees from head on show the same: the one that is seen more squarely.
+    assert chosen(still, 25, keys(images("e", 8)), Impostor(96, images("e", 8))) == "e" * 15 + "1"
 
 
 def test_boards_that_show_nothing_are_not_drawn(still: WithBoards) -> None:

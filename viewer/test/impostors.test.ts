@@ -124,8 +124,8 @@ describe("boards", () => {
       // Steeply from above no two show the same.
       for (const aside of [-20, 20]) expect(best(placed, around(45 * side + aside, 1))).toBe(side);
     }
-    // Of two that show as much, all of it, the first.
-    expect([best(placed, around(20)), best(placed, around(25)), best(placed, around(31)), best(placed, around(-25))]).toEqual([0, 0, 1, 0]);
+    // Of two that show as much, all of it, that which is seen more squarely.
+    expect([best(placed, around(20)), best(placed, around(25)), best(placed, around(31)), best(placed, around(-25))]).toEqual([0, 1, 1, 7]);
     expect(best(placed, [0, 0, 1])).toBe(-1);
     boards[2]!.mesh.state = "absent";
     expect(best(placed, around(80))).toBe(1);

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
-from farfield.represent.geometry.board import board_matrix, squareness
+from farfield.represent.geometry.board import board_matrix, sines, squareness
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.pictures import pixel_width
 from farfield.stream.tree import REACH, CellTree, told_errors
@@ -97,9 +97,9 @@ class Kinds:
         mesh, transform = int(listed.mesh[row]), listed.transforms[row]
         found = None
         for impostor in listed.impostors[mesh]:
-            for side, shown in self._sides(impostor, row, held):
-                if shown > most:
-                    found, most = (impostor, side), shown
+            side, shown = self._side(impostor, row, held)
+            if shown > most:
+                found, most = (impostor, side), shown
         if found is None:
             return None
         impostor, side = found
@@ -107,16 +107,17 @@ class Kinds:
         matrix[:, 3] += transform[:, 3]
         return PlacedInstance(texture_key(impostor.images[side][0]), matrix, int(listed.objects[row]), is_board=True)
 
-    def _sides(self, impostor: Impostor, row: int, held: Collection[str]) -> list[tuple[int, float]]:
-        """The boards of an instance that are held, and how much each shows."""
+    def _side(self, impostor: Impostor, row: int, held: Collection[str]) -> tuple[int, float]:
+        """The board of an instance that is seen most squarely of those that are held, and how much it shows."""
         sides = [side for side, (name, _) in enumerate(impostor.images) if texture_key(name) in held]
         if not sides:
-            return []
+            return 0, 0.0
         listed = self._tree.instances
         box, transform = listed.boxes[int(listed.mesh[row])], listed.transforms[row]
-        square = squareness(box, len(impostor.images), transform[None], self._eye[None])[0, 0]
-        shown = self._shown(told_errors(impostor.errors), self._width(row), MESH_FARTHEST) * square
-        return [(side, float(shown[side])) for side in sides]
+        sine = sines(box, len(impostor.images), transform[None], self._eye[None])[0, 0]
+        best = max(sides, key=lambda side: float(sine[side]))
+        shown = self._shown(told_errors(impostor.errors), self._width(row), MESH_FARTHEST)
+        return best, float(shown * squareness(sine[best]))
 
     def _shown(self, errors: NDArray[np.float64], width: NDArray[np.float64], farthest: float = 1.0) -> float:
         """How much is shown by what has these errors, (3,), where a pixel is so wide; see CellTree.errors_at."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.kernels.boxes import see_boxes
-from farfield.represent.geometry.board import squareness
+from farfield.represent.geometry.board import sines, squareness
 from farfield.stream.accuracy import impostor_accuracy, level_accuracy
 from farfield.stream.tree import NONE, CellTree
 from farfield.walk.objects import WorldObjects
@@ -197,7 +197,7 @@ class HeldBoards:
             )
             for number, impostor in enumerate(listed.impostors[mesh]):
                 eyes, count = sight.eye[None], len(impostor.images)
-                square = squareness(listed.boxes[mesh], count, listed.transforms[own], eyes)[:, 0]
+                square = squareness(sines(listed.boxes[mesh], count, listed.transforms[own], eyes))[:, 0]
                 sharp = impostor_accuracy(impostor.rows * share, height, np.pi / 2)
                 yield mesh, number, pieces, sharp[:, None] * square
 

@@ -71,9 +71,14 @@ export function comingBoards(impostors: readonly ImpostorForm[]): readonly Board
   return impostors.flatMap(({ boards }) => boards.filter(({ mesh }) => mesh.coming));
 }
 
+/** Sine of the angle between a board and the line of sight; below 0 from behind. */
+function sineOf({ towards }: Board, [x, y]: Sight): number {
+  return towards[0] * x + towards[1] * y;
+}
+
 /** How much of its mesh a board shows for the angle alone: the cube of its sine over that of 60 degrees, from 0 (behind it) to 1. */
-export function squareness({ towards }: Board, [x, y]: Sight): number {
-  const sine = Math.min(Math.max(towards[0] * x + towards[1] * y, 0), FULL_SINE) / FULL_SINE;
+export function squareness(board: Board, sight: Sight): number {
+  const sine = Math.min(Math.max(sineOf(board, sight), 0), FULL_SINE) / FULL_SINE;
   return sine * sine * sine;
 }
 
@@ -86,10 +91,10 @@ export function bestBoard(held: readonly HeldBoards[], sight: Sight, pitch: numb
   for (const form of held) {
     const like = 1 - errorAt(form, pitch, width, MESH_FARTHEST);
     if (like <= most) continue;
-    for (const board of form.boards) {
-      const shown = like * squareness(board, sight);
-      if (shown > most) [best, most] = [board, shown];
-    }
+    // Of several that are as good as head on the one that is seen most squarely.
+    const board = form.boards.reduce((one, other) => (sineOf(other, sight) > sineOf(one, sight) ? other : one));
+    const shown = like * squareness(board, sight);
+    if (shown > most) [best, most] = [board, shown];
   }
   return best;
 }

@@ -40,12 +40,19 @@ def board_matrix(bounds: Floats, side: int, count: int) -> Floats:
     return np.array(columns, np.float64).T
 
 
-def squareness(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> Floats:
-    """(m, k, count) how much of m instances the boards of a mesh show to k eyes, for the angle alone (BEN 4.1).
+def squareness(sines: Floats) -> Floats:
+    """How much of an instance a board shows, for the angle alone (BEN 4.1); an array of the same shape.
 
-    The cube of the sine of the angle between line of sight and board, in the mesh's frame, over that of 60 degrees: 1
-    from there on, 0 from behind. bounds: (2, 3) of the mesh, metres. count: boards. transforms: (m, 3, 4) from the
-    mesh's frame to local metres; those that flatten it give 0. eyes: (k, 3) local metres.
+    The cube of the sine over that of 60 degrees: 1 from there on, 0 from behind. sines: see `sines`.
+    """
+    return np.asarray((np.clip(sines, 0.0, FULL_SINE) / FULL_SINE) ** 3)
+
+
+def sines(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> Floats:
+    """(m, k, count) sine of the angle between the lines of sight of k eyes and the boards of m instances of a mesh.
+
+    In the mesh's frame; below 0 from behind. bounds: (2, 3) of the mesh, metres. count: boards. transforms: (m, 3, 4)
+    from the mesh's frame to local metres; those that flatten it give 0. eyes: (k, 3) local metres.
     """
     matrices = transforms[:, :, :3]
     spans = np.linalg.norm(matrices, axis=1).prod(axis=1)
@@ -55,7 +62,7 @@ def squareness(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> 
     length = np.linalg.norm(towards, axis=2, keepdims=True)
     sine = towards / np.where(length > 0, length, 1.0) @ side_directions(count).T
     sine[is_flat] = 0.0
-    return np.asarray((np.clip(sine, 0.0, FULL_SINE) / FULL_SINE) ** 3)
+    return np.asarray(sine)
 
 
 def board_mesh(texture: Texture) -> Mesh:

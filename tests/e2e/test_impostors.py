@@ -1,0 +1,156 @@
+"""Bodies that are seen by images from round about as long as nothing else of them is there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright.sync_api import Browser
+
+from bake.scenes import Held, ground
+from e2e.browsing import Pixels, visiting
+from e2e.pushing import opened_with
+from farfield.bake.bake import bake
+from farfield.bake.options import BakeOptions
+from farfield.scene.model import Instances, Material, Mesh, Scene
+from farfield.scene.procedural.blobs import cube_sphere
+from farfield.serve.run import ServeOptions, serving
+from farfield.store import DirectoryStore
+from farfield.world.index import Impostor
+from farfield.world.world import World
+
+LEAF = 16.0
+SETTINGS = {"supersampling": 2, "fade": 0, "sky": "rgb(40, 42, 46)"}
+COLORS = ((0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.2, 0.9))
+PARTS = (((0.0, 0.0, 2.0), (0.9, 0.7, 2.0)), ((1.3, 0.0, 3.2), (0.8, 0.4, 0.5)), ((0.0, 1.2, 0.5), (0.5, 0.8, 0.5)))
+"""Middle and radii of a red body, a green arm to the east and a blue foot to the north."""
+MIDDLES = ((8.0, 8.0), (24.0, 8.0), (40.0, 8.0))
+SHAPES = (np.eye(3), np.diag([-1.0, 1.0, 1.0]), np.diag([1.3, 1.3, 0.8]))
+"""As it is, mirrored and stretched."""
+TURNS = (10.0, 100.0, 235.0)
+
+
+def body() -> Mesh:
+    """9,216 triangles: enough bytes for images to be worth it."""
+    directions, faces = cube_sphere(16)
+    count = len(PARTS)
+    normals = np.concatenate([directions / radii for _, radii in PARTS])
+    return Mesh(
+        positions=np.concatenate([np.array(middle) + directions * radii for middle, radii in PARTS]),
+        triangles=np.concatenate([faces + n * len(directions) for n in range(count)]).astype(np.uint32),
+        normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
+        materials=tuple(Material(f"paint {n}", (*color, 1.0)) for n, color in enumerate(COLORS)),
+        triangle_material=np.repeat(np.arange(count, dtype=np.uint16), len(faces)),
+    )
+
+
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory: pytest.TempPathFactory) -> DirectoryStore:
+    """Three of them on a plain, baked."""
+    turned = []
+    for (x, y), shape, turn in zip(MIDDLES, SHAPES, np.radians(TURNS), strict=True):
+        about = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1.0]])
+        turned.append(np.column_stack([about @ shape, [x, y, 0.2]]))
+    transform = np.stack([np.eye(3, 4), *turned])
+    every = np.array([0, *[1] * len(turned)])
+    ids = np.arange(len(every)) + 1
+    instances = Instances(every.astype(np.int32), transform, ids, np.ones_like(ids))
+    meshes = [ground(0.0, 48.0, color=(0.3, 0.3, 0.3)), body()]
+    scene = Scene([Held(mesh, f"mesh {n}") for n, mesh in enumerate(meshes)], instances, object_count=len(ids))
+    store = DirectoryStore(tmp_path_factory.mktemp("impostors") / "bodies")
+    grid = {"leaf_size": LEAF, "resolution": 64, "corner": (0.0, 0.0, -LEAF / 2)}
+    bake(scene, store, BakeOptions(**grid, directions="9", workers=2))  # type: ignore[arg-type]
+    return store
+
+
+@pytest.fixture(scope="module")
+def impostors(bodies: DirectoryStore) -> tuple[Impostor, ...]:
+    """What the index tells of them: the same in all leaves."""
+    found = {mesh.impostors for entry in World.open(bodies).cells() for mesh in entry.instances}
+    assert len(found) == 1
+    return found.pop()
+
+
+@pytest.fixture(scope="module")
+def server(bodies: DirectoryStore) -> Iterator[str]:
+    """Where they are served."""
+    with serving(bodies, ServeOptions(port=0)) as url:
+        yield url
+
+
+def parts_of(picture: Pixels) -> NDArray[np.int64]:
+    """(480, 640) number of the part that is seen there, -1: none."""
+    rgb = picture.astype(int)
+    most, least = rgb.max(-1), rgb.min(-1)
+    return np.where((most > 30) & (least < 0.5 * most), rgb.argmax(-1), -1)
+
+
+def halves(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Mean row and column."""
+    rows, columns = np.nonzero(mask)
+    return np.array([rows.mean(), columns.mean()])
+
+
+def looks(number: int, azimuth: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Eye and target, a little to the side of one of the images."""
+    (x, y), angle = MIDDLES[number], np.radians(azimuth)
+    return (x + 9 * float(np.cos(angle)), y + 9 * float(np.sin(angle)), 2.4), (x, y, 2.0)
+
+
+@pytest.mark.parametrize("near", [2.0, 1000.0])
+@pytest.mark.parametrize("number", range(len(MIDDLES)))
+def test_a_body_is_seen_by_its_images_alone(
+    browser: Browser, server: str, bodies: DirectoryStore, impostors: tuple[Impostor, ...], number: int, near: float
+) -> None:
+    values = {f"texture/{name}": bodies.get(f"texture/{name}") for name, _ in impostors[0].images}
+    for azimuth in (-87.0, 60.0, 200.0):
+        eye, target = looks(number, azimuth)
+        with visiting(browser, server) as page:
+            page.options(**SETTINGS, nearRadius=1000.0)
+            page.look(eye, target)
+            true = parts_of(page.picture())
+        with opened_with(browser, server, set(values), values) as page:
+            page.options(**SETTINGS, nearRadius=near)
+            page.look(eye, target)
+            page.page.wait_for_function("farfield.stats().triangles >= 2")
+            page.quiet()
+            shown = parts_of(page.picture())
+            assert page.stats()["splats"] == 0
+        assert (true == 0).sum() > 10_000
+        assert ((shown >= 0) & (true >= 0)).sum() / ((shown >= 0) | (true >= 0)).sum() > 0.8
+        for part in range(len(COLORS)):
+            if (true == part).sum() > 500:
+                own, full = shown == part, true == part
+                assert 0.5 < own.sum() / full.sum() < 2, part
+                assert np.abs(halves(own) - halves(full)).max() < 25, part
+
+
+def test_who_is_sent_nothing_asks_for_images(
+    browser: Browser, server: str, bodies: DirectoryStore, impostors: tuple[Impostor, ...]
+) -> None:
+    images = {f"texture/{name}" for one in impostors for name, _ in one.images}
+    with opened_with(browser, server, images, {}, "?sessions=0") as page:
+        page.options(**SETTINGS, nearRadius=2.0)
+        eye, target = looks(0, -87.0)
+        page.do("camera => farfield.setCamera(camera)", {"eye": eye, "target": target, "fov": 46.8})
+        page.page.wait_for_function("farfield.stats().triangles >= 2")
+        assert (parts_of(page.picture()) >= 0).sum() > 5_000
+
+
+def test_images_give_way_to_the_body(
+    browser: Browser, server: str, bodies: DirectoryStore, impostors: tuple[Impostor, ...]
+) -> None:
+    values = {f"texture/{name}": bodies.get(f"texture/{name}") for name, _ in impostors[0].images}
+    eye, target = looks(0, 30.0)
+    with opened_with(browser, server, set(bodies.list()), values) as page:
+        page.options(**SETTINGS, nearRadius=1000.0)
+        page.look(eye, target)
+        # No board is left among what the leaves hold.
+        assert page.stats()["triangles"] % 2 == 0
+        shown = parts_of(page.picture())
+    with visiting(browser, server) as page:
+        page.options(**SETTINGS, nearRadius=1000.0)
+        page.look(eye, target)
+        assert ((shown != parts_of(page.picture())).mean()) < 1e-3
