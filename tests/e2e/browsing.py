@@ -66,14 +66,21 @@ at once, keys that were asked for while they were held or on their way, frames d
 bytes received, and the page's last figures."""
 
 Pixels = NDArray[np.uint8]
+COMPLETE = """milliseconds => {
+  const late = () => new Error("no complete picture in time: " + JSON.stringify(farfield.stats()));
+  return Promise.race([farfield.whenComplete(), new Promise((_, fail) => setTimeout(() => fail(late()), milliseconds))]);
+}"""
+"""Waits for the complete picture, so long."""
 _TILE = re.compile(r"(?:orthoview|geometry|mesh)/[0-9a-f/-]+$")
 
 
 class Visit:
     """An open page and what it has said and asked for so far."""
 
-    def __init__(self, page: Page, expect_errors: bool) -> None:
+    def __init__(self, page: Page, expect_errors: bool, patience: float = 180.0) -> None:
+        """patience: seconds that a complete picture may take."""
         self.page = page
+        self.patience = patience
         self.expect_errors = expect_errors
         self.errors: list[str] = []
         self.fetched: list[str] = []
@@ -89,7 +96,7 @@ class Visit:
 
     def complete(self) -> None:
         """Waits until the picture is complete."""
-        self.do("farfield.whenComplete()")
+        self.do(COMPLETE, 1000 * self.patience)
 
     def look(self, eye: tuple[float, float, float], target: tuple[float, float, float], fov: float = 46.8) -> None:
         """Sets the camera and waits until the picture is complete."""
@@ -175,7 +182,7 @@ def visiting(
     script: is run before the page's own.
     """
     page = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
-    visit = Visit(page, expect_errors=False)
+    visit = Visit(page, expect_errors=False, patience=1800.0)
     try:
         page.set_default_timeout(600_000)
         if script is not None:
