@@ -68,7 +68,8 @@ bytes received, and the page's last figures."""
 Pixels = NDArray[np.uint8]
 COMPLETE = """milliseconds => {
   const late = () => new Error("no complete picture in time: " + JSON.stringify(farfield.stats()));
-  return Promise.race([farfield.whenComplete(), new Promise((_, fail) => setTimeout(() => fail(late()), milliseconds))]);
+  const deadline = new Promise((_, fail) => setTimeout(() => fail(late()), milliseconds));
+  return Promise.race([farfield.whenComplete(), deadline]);
 }"""
 """Waits for the complete picture, so long."""
 _TILE = re.compile(r"(?:orthoview|geometry|mesh)/[0-9a-f/-]+$")

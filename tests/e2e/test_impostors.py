@@ -33,7 +33,7 @@ TURNS = (10.0, 100.0, 235.0)
 
 
 def body() -> Mesh:
-    """28,224 triangles: enough bytes for images to be worth it."""
+    """28,224 triangles: its levels take more bytes than images."""
     directions, faces = cube_sphere(28)
     count = len(PARTS)
     normals = np.concatenate([directions / radii for _, radii in PARTS])

@@ -31,9 +31,6 @@ SEEN = 1.5
 """Times the error of a form that is told of it: by 1 - FLIP / FLIP of nothing of whole pictures near leaves that are
 drawn by it are worse than its own pictures say. With this Tokyo's level is told to .02, those of statues are still told
 .03 to .07 too good (docs/performance.md, Near geometry)."""
-WORTH = 12 << 10
-"""Bytes of a mesh with its images from which on it has impostors: statues of 2,000 triangles take 6 kB, and their
-levels show more than an image does."""
 WIDTHS = 3
 """Views that errors are told for."""
 
@@ -113,19 +110,33 @@ def make_mesh_levels(context: BakeContext, mesh: int) -> tuple[MeshLevel, ...]:
 
 
 def make_impostors(context: BakeContext, mesh: int) -> tuple[Impostor, ...]:
-    """Images of a mesh from round about; none where the mesh itself is cheap, or light does not fall on it."""
-    full = context.mesh_levels(mesh)[0]
-    loaded = context.meshes.get(mesh)
-    if sum(size for _, size in level_values(full)) < WORTH or any(one.unlit for one in loaded.materials):
+    """Images of a mesh from round about, without those for whose bytes one of its levels shows as much.
+
+    None at all where it has no levels, as boxes have none, or light does not fall on it.
+    """
+    levels = context.mesh_levels(mesh)
+    if len(levels) == 1 or any(one.unlit for one in context.meshes.get(mesh).materials):
         return ()
     form = context.mesh_forms(mesh)[0]
     extent = form.extent * _scale(context.job.scene.instances, mesh)
     found = []
     for one in impostors_of(form.chunk, context.mesh_table(mesh), _box(context.job.summaries[mesh])):
         as_form = Form(form.chunk, one.errors, 0.0, form.extent, 0.0, ())
-        images = tuple(context.image_of(data) for data in one.images)
-        found.append(Impostor(one.rows, images, _errors(context, (as_form,), 0, extent, 0)))
+        errors = _errors(context, (as_form,), 0, extent, 0)
+        size = np.mean([len(data) for data in one.images])
+        if not any(_size(level) <= size and _is_like(level, errors) for level in levels):
+            found.append(Impostor(one.rows, tuple(map(context.image_of, one.images)), errors))
     return tuple(found)
+
+
+def _size(level: MeshLevel) -> int:
+    """Bytes of all that it needs."""
+    return sum(size for _, size in level_values(level))
+
+
+def _is_like(level: MeshLevel, errors: Sequence[int]) -> bool:
+    """Whether it errs no more, from wherever it is seen."""
+    return all(own <= other for own, other in zip(level.errors or (0,) * WIDTHS, errors, strict=True))
 
 
 def _errors(context: BakeContext, forms: Sequence[Form], shape: int, extent: float, halvings: int) -> tuple[int, ...]:
