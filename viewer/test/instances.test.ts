@@ -135,6 +135,8 @@ describe("makePlan", () => {
     expect(drawn(something)).toContain("3,1,0 1");
     expect(drawn(everything)).toContain("3,1,0 0");
     expect(something.pictures.map(({ cell }) => cell)).toEqual([root]);
+    // The coarse picture of a statue must not hide it.
+    expect([nothing, something].map(({ pictures }) => pictures[0]!.behind)).toEqual([false, true]);
     expect([samePlan(nothing, something), samePlan(something, everything), samePlan(something, something)]).toEqual([false, false, true]);
   });
 

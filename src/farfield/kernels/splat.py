@@ -128,20 +128,21 @@ def _pack_normal(placement, nu, nv, nw):  # type: ignore[no-untyped-def]
 @kernel(
     types.int64(
         _U16, _U8_3, _U8_3, _U8_2, _U8_2, _U8_2, _U32,
-        types.int64, types.int64, _F32, types.float32, types.float32, types.boolean, types.int64,
+        types.int64, types.int64, _F32, types.float32, types.float32, types.float32, types.boolean, types.int64,
         types.float32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1], types.uint32[:, ::1],
     )
 )  # fmt: skip
 def splat_layer(  # type: ignore[no-untyped-def]
     depth, color, normal, length, coverage, flags, objects,
-    lattice_x, lattice_y, placement, pitch, near, clip, shape,
+    lattice_x, lattice_y, placement, pitch, near, widest, clip, shape,
     frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws the splats of one layer; returns how many touched or could have touched the frame.
 
     depth .. objects: the arrays of an OrthoLayer; objects may be (0, 0). lattice_x, lattice_y: its x and y, which the
-    hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. clip: whether LOWER and
-    UPPER apply. shape: of footprints, BY_FLAG to ELLIPSES.
+    hash of thin splats needs. placement: (10, 3) float32, see ORIGIN. pitch, near: metres. widest: samples from
+    the middle to the edge of splats that are not connected, wider ones are left out. clip: whether LOWER and UPPER
+    apply. shape: of footprints, BY_FLAG to ELLIPSES.
     frame_depth: (H, W) float32 metres along the view axis, up to a pitch behind what is drawn; inf = nothing.
     frame_surface: (H, W) uint32, sRGB albedo in the low three bytes (red lowest) and the light byte. frame_normal:
     (H, W) uint32 or (0, 0), world normal, ten bits an axis (x lowest). frame_object: (H, W) uint32 or (0, 0).
@@ -210,6 +211,8 @@ def splat_layer(  # type: ignore[no-untyped-def]
             else:
                 ux = vy = pitch * shrunk * focal * inverse * (_ROOT_HALF if shape == DISCS else _F1)
                 uy = vx = ud = vd = _F0
+                if ux > widest:
+                    continue
             if shape == WARPED_DISCS:
                 ux, uy, vx, vy = ux + vx, uy + vy, ux - vx, uy - vy
                 ux = vy = _ROOT_HALF * math.sqrt(max(ux * ux + uy * uy, vx * vx + vy * vy))

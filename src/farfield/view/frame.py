@@ -18,6 +18,8 @@ from farfield.view.splats import Splats
 
 NEAR_PLANE = 1e-4
 """Metres in front of the eye from which on splats are drawn."""
+WIDEST_FILLING = 1 / 96
+"""Of the frame's height: wider discs of leaves, as cells far above have them, show nothing of leaves."""
 _NO_OBJECTS = np.zeros((0, 0), np.uint32)
 
 
@@ -70,19 +72,23 @@ class Frame:
         box: NDArray[np.float64] | None = None,
         splats: Splats = Splats.COVERED,
         moved: NDArray[np.float64] | None = None,
+        is_filling: bool = False,
     ) -> int:
         """Draws one layer of an orthoview; returns the number of splats in the frame.
 
         box: (2, 3) local metres to clip to, half-open; None: no clipping. splats: their shapes. moved: (3,) metres by
-        which all of it is drawn elsewhere; None: it is not.
+        which all of it is drawn elsewhere; None: it is not. is_filling: whether it fills gaps of what is there, which
+        it must not hide.
         """
         layer = splats.applied(layer)
+        widest = WIDEST_FILLING * self.sample_size[1] if is_filling else np.inf
         return int(
             splat.splat_layer(
                 layer.depth, layer.color, layer.normal, layer.length, layer.coverage, layer.connected,
                 _NO_OBJECTS if layer.objects is None else layer.objects, layer.x, layer.y,
                 self._placement(layer, direction, grid, level, light, box, moved),
-                np.float32(grid.pitch(level)), np.float32(NEAR_PLANE), box is not None, splats.shape,
+                np.float32(grid.pitch(level)), np.float32(NEAR_PLANE), np.float32(widest), box is not None,
+                splats.shape,
                 self.depth, self.surface, self.normal, self.objects,
             )
         )  # fmt: skip

@@ -30,6 +30,8 @@ class PlacedInstance:
     """(3, 4) from the mesh's or the board's frame (see `board_matrix`) to local metres."""
     first: int
     """Object id of the mesh's object 0."""
+    box: NDArray[np.float64]
+    """(6,) round it, local metres."""
     is_board: bool = False
 
 
@@ -87,7 +89,9 @@ class Kinds:
         for value, errors in zip(forms.values, forms.errors, strict=True):
             may_be = is_near or tree.may_be_afar(cell, value.level, len(forms.values))
             if may_be and all(key in held for key in value.keys):
-                placed = PlacedInstance(value.keys[-1], listed.transforms[row], int(listed.objects[row]))
+                placed = PlacedInstance(
+                    value.keys[-1], listed.transforms[row], int(listed.objects[row]), listed.bounds[row]
+                )
                 return placed, self._shown(errors, self._width(row), MESH_FARTHEST)
         return None, 0.0
 
@@ -105,7 +109,8 @@ class Kinds:
         impostor, side = found
         matrix = transform[:, :3] @ board_matrix(listed.boxes[mesh], side, len(impostor.images))
         matrix[:, 3] += transform[:, 3]
-        return PlacedInstance(texture_key(impostor.images[side][0]), matrix, int(listed.objects[row]), is_board=True)
+        key, first = texture_key(impostor.images[side][0]), int(listed.objects[row])
+        return PlacedInstance(key, matrix, first, listed.bounds[row], is_board=True)
 
     def _side(self, impostor: Impostor, row: int, held: Collection[str]) -> tuple[int, float]:
         """The board of an instance that is seen most squarely of those that are held, and how much it shows."""

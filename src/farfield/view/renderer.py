@@ -161,7 +161,7 @@ class _Drawing:
 
         are_placed: whether the instances in them are drawn already.
         """
-        wanted, geometry = [], []
+        wanted, lacking, geometry = [], [], []
         for entry in self._seen(keys):
             if leaves := self._geometry_of(entry):
                 geometry += leaves
@@ -169,11 +169,16 @@ class _Drawing:
             cell = self._wanted(entry)
             held = self._held(cell)
             if len(held.places) < len(cell.places):
+                lacking.append((entry, held))
                 if not are_placed:
                     self._place(entry, is_near=False)
-                self._stand_in(entry.cell, behind=bool(held.places))
             if held.places or not cell.places:
                 wanted.append(held)
+        boxes = np.array([one.box for one in self._instances]).reshape(-1, 6)
+        for entry, held in lacking:
+            lower, upper = entry.bounds
+            is_filling = bool(((boxes[:, :3] <= upper) & (boxes[:, 3:] >= lower)).all(axis=1).any())
+            self._stand_in(entry.cell, bool(held.places) or is_filling, is_filling)
         for cell, layers in self._cache.cells(wanted, self._options.ids):
             if isinstance(layers, CorruptTileError):
                 self.unreadable += 1
@@ -248,10 +253,11 @@ class _Drawing:
         near, held = entry.geometry, self._options.held
         return near is not None and any(is_held(entry.cell, form, held) for form in near.forms)
 
-    def _stand_in(self, key: CellKey, behind: bool = False) -> None:
+    def _stand_in(self, key: CellKey, behind: bool = False, is_filling: bool = False) -> None:
         """Draws the nearest ancestor that can be read, clipped to the cell's box; while tiles lack, those above it too.
 
-        behind: as much farther away as its pixels are apart, so that it does not hide the cell's own tiles.
+        behind: as much farther away as its pixels are apart, so that it does not hide what is there of the cell.
+        is_filling: without wide discs, as they hide instances.
         """
         box = self._world.grid.bounds(key)
         away = box.mean(axis=0) - self._eye
@@ -265,7 +271,7 @@ class _Drawing:
             except (CorruptTileError, KeyError):
                 continue
             if layers:
-                self._splat(cell, layers, box, away * self._world.grid.pitch(key.level) if behind else None)
+                self._splat(cell, layers, box, away * self._world.grid.pitch(key.level) if behind else None, is_filling)
                 if len(cell.places) == len(whole.places):
                     return
                 behind = True
@@ -276,13 +282,22 @@ class _Drawing:
         layers: list[OrthoLayer],
         box: NDArray[np.float64] | None,
         moved: NDArray[np.float64] | None = None,
+        is_filling: bool = False,
     ) -> None:
         numbers = self._world.manifest.direction_by_number
         sizes = {(d, layer): size for d, layer, size in self._world.entry(cell.key).tiles}
         for place, layer in zip(cell.places, layers, strict=True):
             direction, grid = numbers[place[0]], self._world.grid
             self._splats += self.frame.splat(
-                layer, direction, grid, cell.key.level, self._options.light, box, self._options.splats, moved
+                layer,
+                direction,
+                grid,
+                cell.key.level,
+                self._options.light,
+                box,
+                self._options.splats,
+                moved,
+                is_filling,
             )
             self._bytes += sizes[place]
         self._cells += 1

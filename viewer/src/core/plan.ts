@@ -94,6 +94,8 @@ class Planner {
   private readonly looks = new Map<Cell, Look>();
   private readonly boards = new Map<readonly ImpostorForm[], readonly HeldBoards[]>();
   private standIns = 0;
+  /** Cells in which instances are drawn by themselves, and those above them. */
+  private readonly withInstances = new Set<Cell>();
   /** How many cells are drawn from parts of what they should show. */
   private parts = 0;
 
@@ -108,7 +110,8 @@ class Planner {
     for (const cell of found.geometry) this.roles.set(cell, this.view.farOnly ? "left out" : "geometry");
     for (const root of roots) this.place(root);
     this.placeInstances(found);
-    const { pictures, geometry, instances, afar, standIns } = this;
+    const { geometry, instances, afar, standIns } = this;
+    const pictures = this.pictures.map((draw) => this.behindInstances(draw));
     return { cut: found, pictures, geometry, instances, afar, standIns };
   }
 
@@ -202,6 +205,7 @@ class Planner {
     for (const cell of farGeometry ? [...pictures, ...geometry] : geometry) {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
+      const before = this.instances.length;
       const finest = this.roles.get(cell) === "geometry" ? 0 : finestAfar(cell, this.view.grid.resolution);
       for (const [forms, all] of meshesBelow(cell)) {
         const form = finest === Infinity ? null : heldMesh(forms, finest);
@@ -209,7 +213,14 @@ class Planner {
         if (!form && boards.length === 0) continue;
         for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards);
       }
+      if (this.instances.length > before) for (let own: Cell | null = cell; own; own = own.parent) this.withInstances.add(own);
     }
+  }
+
+  /** What stands in for a cell with instances that are drawn by themselves shows them, too, coarser: it goes behind them. */
+  private behindInstances(draw: PictureDraw): PictureDraw {
+    const isAbove = !this.roles.has(draw.cell) && this.withInstances.has(draw.cell);
+    return isAbove && !draw.behind ? { ...draw, behind: true } : draw;
   }
 
   /** Boards of a mesh that are there, unless what else there is of it looks like the mesh itself. */
