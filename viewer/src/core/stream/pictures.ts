@@ -23,7 +23,7 @@ const SHARP = 1;
 /** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces, or of an image's, by its pixels. */
 const FINE = 0.5;
 /** Importance of an instance beside that of a cell. */
-const OBJECTS = 8;
+const OBJECTS = 4;
 const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
 /** Pictures or geometry of a cell, or a mesh of instances, or an image of it. */
