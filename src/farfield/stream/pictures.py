@@ -34,8 +34,8 @@ FINE = 0.5
 """How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces; the rest is by the error
 that the bake measured. Pixel by pixel a thinned tree is unlike the full one nearly everywhere, and still a tree."""
 OBJECTS = 4.0
-"""Importance of an instance beside that of a cell (BEN 4.3). More is better by the thesis' quality and worse by FLIP, as
-the ground comes later. At 2 kB/s in the terrain: .44 and .29 with 1, .59 and .32 with 2, .65 and .39 with 4, .68 and
+"""Importance of an instance beside that of a cell (BEN 4.3). More is better by the thesis' quality and worse by FLIP,
+as the ground comes later. At 2 kB/s in the terrain: .44 and .29 with 1, .59 and .32 with 2, .65 and .39 with 4, .68 and
 .46 with 8; in the garden .63 and .16 with 4, .68 and .17 with 8, and at 20 kB/s .953 and .034, .969 and .035."""
 DEFAULT_LEAST_GAIN = 10.0
 
