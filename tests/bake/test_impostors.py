@@ -97,7 +97,7 @@ def test_who_has_the_images_alone_sees_the_tree_where_it_stands(world: World, tu
     angle = np.radians(turn)
     eye = (PLACE[0] + 70 * float(np.cos(angle)), PLACE[1] + 70 * float(np.sin(angle)), 6.0)
     camera, size = Camera(eye, (PLACE[0], PLACE[1], 9.0), 30.0), (120, 160)
-    boards = [tree.instances.boards[mesh] for mesh in tree.instances.mesh.tolist()]
+    boards = [tree.instances.boards.of_mesh(mesh) for mesh in tree.instances.mesh.tolist()]
     (own,) = (n for n, sizes in enumerate(boards) if len(sizes) == len(ROWS))
     held = {key for sides in boards[own] for one in sides for key in one.keys}
     assert len(held) == SIDES * len(ROWS)

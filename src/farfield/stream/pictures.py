@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from farfield.kernels.regions import find_regions
 from farfield.octree.cut import view_bins
-from farfield.stream.accuracy import impostor_accuracy, level_accuracy, loss_from, picture_accuracy
+from farfield.stream.accuracy import level_accuracy, loss_from, picture_accuracy
+from farfield.stream.boards import board_offers
 from farfield.stream.motion import Prediction
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import NONE, REACH, CellTree, CellValues, told_errors
+from farfield.stream.tree import NONE, REACH, CellTree, CellValues
 from farfield.world.index import MESH_FARTHEST
 
 Floats = NDArray[np.float64]
@@ -397,37 +398,13 @@ class Pictures:
     def _add_boards(
         self, geometry: _Geometry, rows: NDArray[np.int64], outlook: Outlook, away: Floats, widths: Floats
     ) -> None:
-        """Images of instances that will be seen, from the sides that they will be seen from, and those that are there.
-
-        As sharp as an image, and seen as squarely (BEN 4.1); the other half is the error that the bake measured.
-        """
-        regions, listed = self._regions, self._regions.tree.instances
-        rows = rows[[len(listed.impostors[mesh]) > 0 for mesh in listed.mesh[regions.instances[rows]].tolist()]]
-        own = regions.instances[rows]
-        meshes, uses = listed.mesh[own], len(regions.cells) + rows
-        turn, shift = listed.inverse[own, :, :3], listed.inverse[own, :, 3] - listed.boxes[meshes].mean(axis=1)
-        towards = np.einsum("nij,kj->nki", turn, outlook.eyes) + shift[:, None]
-        lengths = np.linalg.norm(towards, axis=2)
-        azimuth = np.arctan2(towards[..., 1], towards[..., 0])
-        level = np.hypot(towards[..., 0], towards[..., 1]) / np.maximum(lengths, 1e-12)
-        level[~turn.any(axis=(1, 2))] = 0.0
+        """Images of instances that will be seen."""
+        regions, tree = self._regions, self._regions.tree
+        uses = len(regions.cells) + rows
         drawn = self._near(away)[regions.homes[rows]] | regions.shape.far_geometry
-        seen = outlook.visible[uses] > 0
-        for start, end in zip(*map(np.ndarray.tolist, _runs(meshes)), strict=True):
-            part, mesh = slice(start, end), int(meshes[start])
-            for impostor, boards in zip(listed.impostors[mesh], listed.boards[mesh], strict=True):
-                step = 2 * np.pi / len(boards)
-                nearest = np.rint(azimuth[part] / step).astype(np.int64) % len(boards)
-                sides = set(nearest[seen[part]].tolist())
-                sides.update(side for side, board in enumerate(boards) if board.keys[0] in self.held)
-                told = np.repeat(told_errors(impostor.errors)[None], end - start, axis=0)
-                errors = self._regions.tree.errors_at(told, widths[uses[part]], MESH_FARTHEST)
-                sharp = impostor_accuracy(impostor.rows, np.maximum(outlook.height[uses[part]], 1e-9), np.pi / 2)
-                shown = np.where(drawn[part], (1 - FINE) * (1 - errors) + FINE * sharp, 0.0)
-                for side in sorted(sides):
-                    across = level[part] * np.cos(azimuth[part] - side * step)
-                    accuracy = shown * impostor_accuracy(1.0, 1.0, np.arcsin(np.clip(across, 0.0, 1.0)))
-                    geometry.add(boards[side], uses[part].tolist(), accuracy)
+        instances = regions.instances[rows]
+        for one in board_offers(tree, instances, uses, outlook, drawn, widths[uses], self.held, FINE):
+            geometry.add(*one)
 
     def _lacking(self, value: CellValues) -> dict[str, int]:
         """Key and bytes of what the viewer lacks of it."""

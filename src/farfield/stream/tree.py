@@ -83,6 +83,52 @@ class CellForms:
 
 
 @dataclass(frozen=True, slots=True)
+class Boards:
+    """The impostors of some meshes, and their images."""
+
+    first: NDArray[np.int64]
+    """(meshes + 1,) number of the first of each mesh's."""
+    rows: NDArray[np.int64]
+    """(impostors,) pixels of their images along the height of the mesh's box."""
+    sides: NDArray[np.int64]
+    """(impostors,) images."""
+    told: Floats
+    """(impostors, 3) their errors, as CellForms has them."""
+    values: tuple[tuple[CellValues, ...], ...]
+    """Of each the images."""
+    places: dict[str, int]
+    """Key of an image -> MOST_SIDES times its impostor, and its side."""
+
+    @classmethod
+    def of(cls, meshes: Sequence[InstancedMesh]) -> Boards:
+        """Of meshes as the index lists them."""
+        all_of = [(mesh, number, one) for mesh in meshes for number, one in enumerate(mesh.impostors)]
+        values = tuple(_board_values(*one) for one in all_of)
+        return cls(
+            np.cumsum([0, *(len(mesh.impostors) for mesh in meshes)], dtype=np.int64),
+            np.array([one.rows for _, _, one in all_of], np.int64),
+            np.array([len(one.images) for _, _, one in all_of], np.int64),
+            np.array([told_errors(one.errors) for _, _, one in all_of]).reshape(-1, _REACHES),
+            values,
+            {one.keys[0]: MOST_SIDES * n + side for n, own in enumerate(values) for side, one in enumerate(own)},
+        )
+
+    def of_mesh(self, mesh: int) -> tuple[tuple[CellValues, ...], ...]:
+        """The images of each of its impostors."""
+        return self.values[int(self.first[mesh]) : int(self.first[mesh + 1])]
+
+
+def _board_values(listed: InstancedMesh, number: int, impostor: Impostor) -> tuple[CellValues, ...]:
+    """Of one of a mesh's impostors, numbered as levels behind all others of the mesh."""
+    first, mesh = len(listed.levels) + MOST_SIDES * number, listed.levels[0].hash
+    named = [(texture_key(name), size) for name, size in impostor.images]
+    return tuple(
+        CellValues(mesh, True, (key,), (size,), (), (1,), 1, first + side, frozenset([key]))
+        for side, (key, size) in enumerate(named)
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Instances:
     """m instances of shared meshes that the index lists, those of a leaf in a row."""
 
@@ -110,8 +156,8 @@ class Instances:
     """(meshes, 2, 3) bounds of each mesh in its own frame."""
     impostors: tuple[tuple[Impostor, ...], ...]
     """Of each mesh."""
-    boards: tuple[tuple[tuple[CellValues, ...], ...], ...]
-    """Of each mesh, of each of its impostors, the image of each side."""
+    boards: Boards
+    """Those of all meshes, one after the other."""
     inverse: Floats
     """(m, 3, 4) from local metres to the mesh's frame; zeros of those that have no extent in some direction."""
 
@@ -146,10 +192,9 @@ class Instances:
         for number, count in enumerate(counts):
             table[number, : len(count)] = count
         boxes = np.array([mesh.bounds for mesh in meshes], np.float64).reshape(-1, 2, 3)
-        boards = tuple(_boards(mesh) for mesh in meshes)
         return cls(
             *every, of[:, 0].copy(), of[:, 1].copy(), forms, counts, levels, table, told,
-            boxes, tuple(mesh.impostors for mesh in meshes), boards, _inverse(every[1]),
+            boxes, tuple(mesh.impostors for mesh in meshes), Boards.of(meshes), _inverse(every[1]),
         )  # fmt: skip
 
     @property
@@ -168,27 +213,6 @@ def _mesh_forms(listed: InstancedMesh) -> CellForms:
         )
         errors.append(told_errors(level.errors))
     return CellForms(tuple(values), np.array(errors), np.ones(len(values), bool))
-
-
-def _boards(listed: InstancedMesh) -> tuple[tuple[CellValues, ...], ...]:
-    """Numbered as levels behind all others of the mesh."""
-    return tuple(
-        tuple(
-            CellValues(
-                listed.levels[0].hash,
-                True,
-                (texture_key(name),),
-                (size,),
-                (),
-                (1,),
-                1,
-                len(listed.levels) + MOST_SIDES * number + side,
-                frozenset([texture_key(name)]),
-            )
-            for side, (name, size) in enumerate(impostor.images)
-        )
-        for number, impostor in enumerate(listed.impostors)
-    )
 
 
 def _inverse(transforms: Floats) -> Floats:
