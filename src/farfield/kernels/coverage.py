@@ -113,15 +113,21 @@ def draw_samples(samples, starts, towards, camera, focal, spacing, eye, nearest,
             scale = focal / d
             x = middle - (camera[1, 0] * ex + camera[1, 1] * ey + camera[1, 2] * ez) * scale
             y = middle - (camera[2, 0] * ex + camera[2, 1] * ey + camera[2, 2] * ez) * scale
+            reach = max(_HALF, _HALF * spacing * scale)
+            left, right = max(0, math.floor(x - reach + _HALF)), min(size, math.floor(x + reach + _HALF))
+            top, bottom = max(0, math.floor(y - reach + _HALF)), min(size, math.floor(y + reach + _HALF))
+            is_hidden = True
+            for q in range(top, bottom):
+                for p in range(left, right):
+                    is_hidden &= d >= nearest[tile, eye, q, p]
+            if is_hidden:
+                continue
             away = math.sqrt(ex * ex + ey * ey + ez * ez)
             shown = _BEST * _worth(samples[k], towards[tile], ex / away, ey / away, ez / away)
             if samples[k, 7] > _F0:
                 worth = np.uint8(shown + _HALF)
             else:
                 worth = np.uint8(shown * samples[k, 6] + _HALF) | np.uint8(LOOSE)
-            reach = max(_HALF, _HALF * spacing * scale)
-            left, right = max(0, math.floor(x - reach + _HALF)), min(size, math.floor(x + reach + _HALF))
-            top, bottom = max(0, math.floor(y - reach + _HALF)), min(size, math.floor(y + reach + _HALF))
             for q in range(top, bottom):
                 for p in range(left, right):
                     if d < nearest[tile, eye, q, p]:
@@ -174,12 +180,17 @@ def greedy_cover(quality, nearest, tolerance, cost, least, chosen, gains):  # ty
     things, pixels = quality.shape
     best = np.zeros(pixels, np.uint8)
     shown = np.zeros((things, pixels), np.uint8)
+    # What a thing adds becomes less only: one that added too little before need not be looked at again.
+    before = np.full(things, np.iinfo(np.int64).max)
     for place in range(chosen.size):
         most, won, winner = 0.0, 0, -1
         for thing in range(things):
+            if before[thing] <= most * cost[thing]:
+                continue
             gain = 0
             for at in range(pixels):
                 gain += _added(quality[thing, at], np.int32(best[at]), np.int32(shown[thing, at]))
+            before[thing] = gain
             if gain > most * cost[thing]:
                 most, won, winner = gain / cost[thing], gain, thing
         if winner < 0 or (place > 0 and most < least):

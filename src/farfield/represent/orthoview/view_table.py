@@ -85,6 +85,13 @@ class Shown:
     tolerance: np.float32
     """Metres between what is still the same surface."""
 
+    @classmethod
+    def of(cls, quality: NDArray[np.uint8], nearest: NDArray[np.float32], tolerance: np.float32) -> Shown:
+        """Of small pictures, (things, eyes, p, p), without the pixels in which nothing is seen."""
+        flat, away = quality.reshape(len(quality), -1), nearest.reshape(len(quality), -1)
+        seen = flat.any(axis=0)
+        return cls(np.compress(seen, flat, axis=1), np.compress(seen, away, axis=1), tolerance)
+
     def of_views(self, first: NDArray[np.int64]) -> Shown:
         """Tiles from each of `first` to the next as one thing: at each pixel the better, connected before loose."""
         ranks = 2 * (self.quality & np.uint8(LOOSE - 1)) + (self.quality < LOOSE)
@@ -140,7 +147,7 @@ def choose_views(
         for eye, looking in enumerate(_eyes(vector)):
             camera = _camera(looking, EYE_DISTANCE * size)
             draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), eye, nearest, quality)
-        shown = Shown(quality.reshape(len(of_tile), -1), nearest.reshape(len(of_tile), -1), tolerance)
+        shown = Shown.of(quality, nearest, tolerance)
         discount_hidden(shown.nearest, shown.quality, tolerance, np.float32(BEHIND))
         of_views = shown.of_views(first)
         order = [view for view, _ in of_views.cover(np.ones(len(views)), 0.0, MOST_VIEWS)]
