@@ -14,6 +14,13 @@ from s3_server import environment, make_bucket, s3_server
 REPOSITORY = Path(__file__).parent.parent
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow tests may take as long as they need; of all others none takes minutes unless it hangs."""
+    for item in items:
+        if item.get_closest_marker("slow"):
+            item.add_marker(pytest.mark.timeout(0))
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Callable[[str], Path]:
     """The path of a file or folder of the large public inputs; skips the test, with a reason, where it is absent."""
