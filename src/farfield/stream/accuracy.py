@@ -8,11 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from farfield.represent.geometry.board import squareness
 from farfield.world.index import ERROR_SPACING, FARTHEST
 
 Floats = NDArray[np.float64]
-FULL_ANGLE = np.radians(60.0)
-"""Impostors seen at this angle to their plane or more squarely are as good as seen head on."""
 
 UNTOLD = (0.08, 0.12, 0.23)
 """Errors of pictures in worlds that do not tell them (CellEntry.errors): means of three scenes."""
@@ -43,9 +42,7 @@ def impostor_accuracy(rows: ArrayLike, height: ArrayLike, angle: ArrayLike) -> F
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         sharpness = np.minimum(1.0, np.asarray(rows, dtype=np.float64) / np.asarray(height, dtype=np.float64))
-    most = np.sin(FULL_ANGLE)
-    squareness = np.clip(np.sin(angle), 0.0, most) / most
-    return np.asarray(sharpness * squareness**3)
+    return np.asarray(sharpness * squareness(np.sin(angle)))
 
 
 def texture_accuracy(texels: ArrayLike, area: ArrayLike) -> Floats:

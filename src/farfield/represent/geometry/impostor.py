@@ -51,16 +51,14 @@ class SideImages:
 
 
 def impostors_of(chunk: Chunk, materials: MaterialTable, bounds: NDArray[np.float64]) -> tuple[SideImages, ...]:
-    """From fine to coarse; none of a mesh that is flat, or that light does not fall on.
+    """From fine to coarse; none of a mesh that is flat.
 
-    bounds: (2, 3) of the mesh, metres: the boards' rectangles go round it. A tree of 10,000 triangles takes 0.3 s.
+    bounds: (2, 3) of the mesh, metres: the boards' rectangles go round it. A tree of 11,000 triangles takes 0.8 s.
     """
     size = bounds[1] - bounds[0]
     if not (size > 1e-6 * size.max()).all():
         return ()
     views = [_view(chunk, materials, bounds, side) for side in range(SIDES)]
-    if all(view is None for view in views):
-        return ()
     truth = Likeness.of(chunk, materials, [_between(side) for side in LOOKED_AT])
     found: list[SideImages] = []
     for rows in ROWS:
