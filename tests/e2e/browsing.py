@@ -116,8 +116,11 @@ class Visit:
     def quiet(self) -> None:
         """Waits until nothing has come for a second: what the picture does not need is fetched after it."""
         known, since = -1, time.monotonic()
+        end = since + self.patience
         while time.monotonic() < since + 1:
-            if (now := self.do("farfield.stats().requests")) != known:
+            assert time.monotonic() < end, f"never quiet: {self.stats()}"
+            now, under_way = self.do("(({requests, under_way}) => [requests, under_way])(farfield.stats())")
+            if now != known or under_way:
                 known, since = now, time.monotonic()
             self.page.wait_for_timeout(100)
 
