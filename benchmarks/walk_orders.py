@@ -15,6 +15,7 @@ from farfield.walk.loops import run_apart
 from farfield.walk.measure import (
     HeldBoards,
     HeldGeometry,
+    HeldMerged,
     HeldMeshes,
     HeldPictures,
     Look,
@@ -125,7 +126,7 @@ class BenefitOfObjects:
             for key in tree.forms(leaf).values[0].keys:
                 self._all.hold(key)
         self._boards = HeldBoards(tree)
-        kinds = [self._pictures, self._geometry, HeldMeshes(tree), self._boards]
+        kinds = [self._pictures, self._geometry, HeldMerged(tree), HeldMeshes(tree), self._boards]
         self._measure = Measure(walked.objects.without_ground(), kinds, size)
         self._sizes = np.full((len(tree.entries), len(directions)), np.inf)
         self._keys: dict[tuple[int, int], str] = {}

@@ -7,7 +7,16 @@ from collections import defaultdict
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMeshes, HeldPictures, Measure, Sight, piece_meshes
+from farfield.walk.measure import (
+    HeldBoards,
+    HeldGeometry,
+    HeldMerged,
+    HeldMeshes,
+    HeldPictures,
+    Measure,
+    Sight,
+    piece_meshes,
+)
 from farfield.walk.session import Received, Walker
 from farfield.walk.walk import WalkedWorld, WalkOptions
 from farfield.world.keys import orthoview_key, texture_key
@@ -48,7 +57,7 @@ class _Uses:
         self._pictures, self._geometry = HeldPictures(tree, directions), HeldGeometry(tree, options.near_radius)
         objects = known.objects.without_ground()
         self._meshes, self._boards = HeldMeshes(tree), HeldBoards(tree)
-        kinds = [self._pictures, self._geometry, self._meshes, self._boards]
+        kinds = [self._pictures, self._geometry, HeldMerged(tree), self._meshes, self._boards]
         self._measure = Measure(objects, kinds, walker.size)
         self._places = {
             orthoview_key(entry.cell, direction, layer, entry.hash): (row, columns[direction], direction, layer)

@@ -77,7 +77,7 @@ def _entry(grid: Grid, key: CellKey, children: list[str], random: np.random.Gene
         losses=tuple(random.integers(0, 90, len(children)).tolist()) if random.random() < 0.8 else (),
     )
     if key.level > 0:
-        return entry
+        return msgspec.structs.replace(entry, geometry=_merged(random)) if random.random() < 0.6 else entry
     meshes = (("ab" * 8, 7_000),) if random.random() < 0.5 else ()
     images = (("cd" * 8, 60_000),) if random.random() < 0.5 else ()
     full = int(random.integers(5_000, 90_000))
@@ -97,6 +97,16 @@ def _entry(grid: Grid, key: CellKey, children: list[str], random: np.random.Gene
     )
     near = GeometryEntry(random.bytes(8).hex(), full, 10, len(meshes), meshes, images, drawn=drawn, levels=levels)
     return msgspec.structs.replace(entry, geometry=near, instances=_instances(grid, random))
+
+
+def _merged(random: np.random.Generator) -> GeometryEntry:
+    """Geometry of a cell above the leaves, some with images."""
+    forms = []
+    for n in range(int(random.integers(1, 4))):
+        images = ((random.bytes(8).hex(), 4_000 // 4**n),) if random.random() < 0.7 else ()
+        errors = tuple(sorted(random.integers(20 + 20 * n, 90 + 40 * n, 3).tolist()))
+        forms.append((random.bytes(8).hex(), 8_000 // 4**n, 900 // 4**n, 0, (), images, errors, 900 // 4**n))
+    return GeometryEntry(*forms[0], levels=tuple(GeometryLevel(*form) for form in forms[1:]))
 
 
 def _instances(grid: Grid, random: np.random.Generator) -> tuple[InstancedMesh, ...]:

@@ -6,7 +6,15 @@ import msgspec
 
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.tree import NONE, CellTree
-from farfield.world.index import CellEntry, GeometryEntry, Impostor, InstancedMesh, MeshLevel, write_picks
+from farfield.world.index import (
+    CellEntry,
+    GeometryEntry,
+    GeometryLevel,
+    Impostor,
+    InstancedMesh,
+    MeshLevel,
+    write_picks,
+)
 
 GRID = Grid(leaf_size=8.0, resolution=8, corner=(0.0, 0.0, 0.0), axis_levels=(3, 3, 0))
 TILE_BYTES = 1_000
@@ -22,11 +30,28 @@ BOARDS = Impostor(64, tuple((f"6{side}" * 8, 900 + side) for side in range(8)), 
 """Images of it."""
 
 
-def flat_tree(height: float = 4.0, drawn: int = 0, statues: bool = False, boards: bool = False) -> CellTree:
+MERGED = GeometryEntry(
+    "de" * 8,
+    900,
+    60,
+    0,
+    (),
+    (("dd" * 8, 400),),
+    (20, 60, 120),
+    60,
+    (GeometryLevel("df" * 8, 250, 15, 0, (), (), (50, 120, 200), 15),),
+)
+"""Geometry of a cell above the leaves."""
+
+
+def flat_tree(
+    height: float = 4.0, drawn: int = 0, statues: bool = False, boards: bool = False, merged: bool = False
+) -> CellTree:
     """8 x 8 leaves of 8 m and all above them; every cell has three tiles, of which two are worth their bytes.
 
     Every other leaf places a mesh that they share. height: metres of what is in the cells. drawn: triangles of a leaf.
     statues: whether every fourth leaf lists a STATUE of 2 m in its middle, too; boards: with BOARDS of it.
+    merged: whether cells above leaves have geometry of their own.
     """
     levels = [[CellKey(3, 0, 0, 0)]]
     for level in (2, 1, 0):
@@ -35,10 +60,10 @@ def flat_tree(height: float = 4.0, drawn: int = 0, statues: bool = False, boards
     keys = [key for cells in levels for key in cells]
     number = {key: n for n, key in enumerate(keys)}
     parents = [number[GRID.parent(key)] if key.level < 3 else NONE for key in keys]
-    return CellTree(GRID, [_entry(key, height, drawn, statues, boards) for key in keys], parents)
+    return CellTree(GRID, [_entry(key, height, drawn, statues, boards, merged) for key in keys], parents)
 
 
-def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool) -> CellEntry:
+def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool, merged: bool) -> CellEntry:
     lower, upper = GRID.bounds(key).tolist()
     picks = tuple(write_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)]) for n in _starts())
     entry = CellEntry(
@@ -51,7 +76,7 @@ def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool)
         children=tuple(map(str, GRID.children(key))),
     )
     if key.level > 0:
-        return entry
+        return msgspec.structs.replace(entry, geometry=MERGED) if merged else entry
     meshes = (SHARED,) if (key.x + key.y) % 2 else ()
     instances: tuple[InstancedMesh, ...] = ()
     if statues and key.x % 2 == key.y % 2 == 0:

@@ -123,8 +123,8 @@ def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
 
 
 def test_what_is_farther_away_is_offered_as_geometry_until_its_pictures_are_there() -> None:
-    # 4 triangles a leaf, and 64 pixels a view: few enough of 4 leaves, too many of 16.
-    tree = flat_tree(drawn=4)
+    # 16 triangles a leaf, and 64 pixels a view: few enough of 4 leaves, too many of 16.
+    tree = flat_tree(drawn=16)
     seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
     pictures = Pictures(regions)
     offers, _ = offers_of(pictures, regions, seen)
@@ -145,6 +145,46 @@ def test_what_is_farther_away_is_offered_as_geometry_until_its_pictures_are_ther
     region = [tree.entries[n].key for n in regions.cells].index(four.cell)
     assert (best[region] == 1).all()
     assert (by_pictures[region] < 1).all()
+
+
+def test_cells_are_offered_by_geometry_of_their_own_and_those_above_stand_in() -> None:
+    tree = flat_tree(merged=True)
+    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    shows = {
+        item.cell: len(offers.objects[offers.uses(n)])
+        for n, item in enumerate(items)
+        if item.is_geometry and len(item.keys) > 0
+    }
+    cells = [tree.entries[n].key for n in regions.cells]
+    assert {cell for cell in cells if cell[0] != "0"} < set(shows)
+    assert shows["3/0/0/0"] == len(cells)
+    # The coarser a form, the less it takes and shows.
+    own = [
+        (int(offers.sizes[n]), float(offers.accuracy[offers.uses(n)].mean()))
+        for n, item in enumerate(items)
+        if item.is_geometry and item.cell == "3/0/0/0"
+    ]
+    assert own == sorted(own, reverse=True)
+    assert len(own) == 2
+    # What is held of it shows all that lies below it.
+    pictures.keep(items[[item.cell for item in items].index("3/0/0/0")].keys)
+    pictures.hold({key for item in items if item.is_geometry and item.cell == "3/0/0/0" for key in item.keys})
+    _, best = offers_of(pictures, regions, seen)
+    assert (best > 0).all()
+
+
+def test_what_is_there_needs_nothing_to_stand_in() -> None:
+    tree = flat_tree(merged=True)
+    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen)
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
+    offers, _ = offers_of(pictures, regions, seen)
+    assert not len(offers.sizes)
 
 
 @pytest.mark.parametrize(("drawn", "shape"), [(0, Shape(12.0)), (4, Shape(0.0)), (4, Shape(12.0, far_geometry=False))])

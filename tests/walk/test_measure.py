@@ -10,7 +10,7 @@ import pytest
 
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.tree import NONE, CellTree
-from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMeshes, HeldPictures, Measure, samples
+from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMerged, HeldMeshes, HeldPictures, Measure, samples
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
 from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel, Impostor, InstancedMesh, MeshLevel
@@ -199,6 +199,27 @@ def test_coarser_geometry_by_its_faces() -> None:
     close = Pose(np.array([4.0, 2.0, 1.0]), np.array([0.0, 1.0, 0.0]), 90.0)
     # A metre before it, 200 pixels a side: 40 pixels a face of the full model, 200 a face of the coarse one.
     assert quality(ONE, geometry_key(LEAF, COARSE), near=17.0, pose=close) == pytest.approx((40 / 200) ** 0.5)
+
+
+def test_merged_geometry_shows_what_lies_below_it_but_for_instances() -> None:
+    forms = GeometryEntry("da" * 8, 60, 64, 0, (), (("db" * 8, 20),), (9,), 64, (GeometryLevel("dc" * 8, 9, 16, 0),))
+    root = msgspec.structs.replace(entry(ROOT), geometry=forms)
+    tree = CellTree(GRID, [root, entry(LEAF), entry(OTHER)], [NONE, 0, 0])
+    close = Pose(np.array([4.0, 2.0, 1.0]), np.array([0.0, 1.0, 0.0]), 90.0)
+
+    def shown(*held: str, instance: int = NONE) -> float:
+        seen = objects((3, 3, 0, 5, 5, 2), pieces=((0, 1, 1.0),), instances=(instance,))
+        measure = Measure(seen, [HeldMerged(tree)], SIZE)
+        measure.hold(held)
+        return measure.sample(close).quality
+
+    fine, coarse, image = geometry_key(ROOT, "da" * 8), geometry_key(ROOT, "dc" * 8), texture_key("db" * 8)
+    assert shown(fine) == 0.0, "without its image"
+    # Of 320 triangles in both leaves a fifth: of the object's 1,000 on 40,000 pixels 200.
+    assert shown(fine, image) == pytest.approx((40 / 200) ** 0.5)
+    assert shown(coarse) == pytest.approx((40 / 800) ** 0.5)
+    assert shown(coarse, fine, image) == pytest.approx((40 / 200) ** 0.5)
+    assert shown(fine, image, instance=0) == 0.0
 
 
 def test_objects_count_by_what_is_seen_of_them() -> None:

@@ -15,7 +15,7 @@ from farfield.stream.boards import board_offers
 from farfield.stream.motion import Prediction
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import NONE, REACH, CellTree, CellValues
+from farfield.stream.tree import NO_FORMS, NONE, REACH, CellTree, CellValues
 from farfield.world.index import MESH_FARTHEST
 
 Floats = NDArray[np.float64]
@@ -309,17 +309,18 @@ class Pictures:
         count, afar = len(regions.cells), regions.shape.far_geometry
         near, within = self._near(away), away[:count] < REACH * tree.grid.leaf_size
         is_near = np.asarray(near.any(axis=1))
-        rows: list[int] = []
-        values: list[CellValues] = []
-        told, far = [np.zeros((0, 3))], [np.zeros(0, bool)]
-        for row in np.flatnonzero(outlook.visible[:count].any(axis=1) & (is_near | afar)).tolist():
-            forms = tree.forms(int(regions.cells[row]))
-            rows += [row] * len(forms.values)
-            values += forms.values
-            told.append(forms.errors)
-            far.append(forms.far & afar)
-        errors = tree.errors_at(np.concatenate(told), widths[rows])
-        accuracy = np.where(near[rows] | (within[rows] & np.concatenate(far)[:, None]), 1 - errors, 0.0)
+        seen = np.flatnonzero(outlook.visible[:count].any(axis=1) & (is_near | afar))
+        each = [(row, tree.forms(int(regions.cells[row]))) for row in seen.tolist()]
+        values = [value for _, forms in each for value in forms.values]
+        rows = np.repeat(seen, [len(forms.values) for _, forms in each])
+        all_forms = [NO_FORMS, *(forms for _, forms in each)]
+        told, farthest, far, merged = (
+            np.concatenate([getattr(forms, name) for forms in all_forms])
+            for name in ("errors", "farthest", "far", "is_merged")
+        )
+        errors = tree.errors_at(told, widths[rows], farthest[:, None])
+        may_be = near[rows] | ((within[rows] | merged[:, None]) & (far & afar)[:, None])
+        accuracy = np.where(may_be, 1 - errors, 0.0)
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
             # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves with
@@ -327,7 +328,25 @@ class Pictures:
             comes = not whole[row] and (is_near[row] or value.listed <= self.held)
             if comes or self._holds(value):
                 found.add(value, [row], accuracy[n : n + 1])
+        if afar:
+            self._add_merged(found, seen[~whole[seen]], widths)
         return found
+
+    def _add_merged(self, geometry: _Geometry, rows: NDArray[np.int64], widths: Floats) -> None:
+        """Forms of the cells above those that will be seen, and are not there: they stand in for all below them."""
+        regions, tree = self._regions, self._regions.tree
+        below: dict[int, list[int]] = {}
+        for row in rows.tolist():
+            above = int(tree.parents[regions.cells[row]])
+            while above != NONE:
+                if tree.has_merged[above]:
+                    below.setdefault(above, []).append(row)
+                above = int(tree.parents[above])
+        for above, own in sorted(below.items()):
+            forms = tree.merged(above)
+            for n, value in enumerate(forms.values):
+                told = np.broadcast_to(forms.errors[n], (len(own), forms.errors.shape[1]))
+                geometry.add(value, own, 1 - tree.errors_at(told, widths[own], float(forms.farthest[n])))
 
     def _holds(self, value: CellValues) -> bool:
         return all(key in self.held for key in value.keys)

@@ -14,7 +14,7 @@ from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
 from farfield.stream.offers import SHARES
-from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
+from farfield.world.index import ERROR_SPACING, FARTHEST, MESH_FARTHEST, MOST_SIDES, CellEntry, Impostor, InstancedMesh
 from farfield.world.keys import mesh_key, orthoview_key, texture_key
 from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
@@ -25,12 +25,12 @@ LAYERS = 2
 """Depth layers that are drawn of a view."""
 MOST_LEAVES = 256
 """Below a cell that is shown as geometry, at most."""
-TRIANGLES = 0.25
-"""Triangles for each pixel of a view that a cell may have to be geometry from afar, at most. Drawn in software they
-take no longer than the cell's points: those of three scenes are .07 to .13 for each pixel, and take four times as long
-each (docs/performance.md, Beside mesh levels of detail)."""
-MESH_TRIANGLES = 1.0
-"""The same of all instances in a cell, which are drawn while its pictures are on their way."""
+TRIANGLES = 1.0
+"""Triangles for each pixel of a view that a cell may have to be geometry from afar, at most; the same of all instances
+in a cell, which are drawn while its pictures are on their way. Tokyo has .56 from 16 r on, which take 130 ms in
+software where its points take 870 (docs/performance.md, Beside mesh levels of detail)."""
+FIRST_MERGED = 32
+"""Number of the first form of a cell's own, beyond those of any leaf."""
 REACH = 120.0
 """Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 along an edge."""
 _SINGULAR = 1e-12
@@ -72,14 +72,26 @@ class CellValues:
 
 @dataclass(frozen=True, slots=True)
 class CellForms:
-    """A cell as geometry, from fine to coarse: of a leaf its forms, of others those of all leaves below together."""
+    """A cell as geometry, from fine to coarse.
+
+    Of a leaf its forms; of others those of all leaves below together, then those of its own, merged of all of these.
+    """
 
     values: tuple[CellValues, ...]
     errors: Floats
-    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is as wide as one of a leaf's pictures (of a
-    mesh: MESH_FARTHEST times as wide), then ERROR_SPACING times as narrow each."""
+    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is `farthest` times as wide as one of a
+    leaf's pictures, then ERROR_SPACING times as narrow each."""
     far: NDArray[np.bool_]
     """(forms,) whether it has few enough triangles to be drawn from farther than near."""
+    farthest: Floats
+    """(forms,) pixels of a leaf's pictures."""
+    merged: int = 0
+    """How many, the last ones, are the cell's own."""
+
+    @property
+    def is_merged(self) -> NDArray[np.bool_]:
+        """(forms,) whether it is the cell's own."""
+        return np.arange(len(self.values)) >= len(self.values) - self.merged
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +224,8 @@ def _mesh_forms(listed: InstancedMesh) -> CellForms:
             CellValues(listed.levels[0].hash, True, keys, sizes, (), (len(keys),), 1, number, frozenset(keys))
         )
         errors.append(told_errors(level.errors))
-    return CellForms(tuple(values), np.array(errors), np.ones(len(values), bool))
+    count = len(values)
+    return CellForms(tuple(values), np.array(errors), np.ones(count, bool), np.full(count, MESH_FARTHEST))
 
 
 def _inverse(transforms: Floats) -> Floats:
@@ -234,7 +247,7 @@ def _placed_boxes(bounds: Floats, transforms: Floats) -> Floats:
     return np.concatenate([at - reach, at + reach], axis=1)
 
 
-NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool))
+NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool), np.zeros(0))
 
 
 class CellTree:
@@ -267,7 +280,11 @@ class CellTree:
                 if child in numbers:
                     self.losses[numbers[child]] = loss / 255
         self.has_pictures = np.array([len(entry.tiles) > 0 for entry in entries], bool)
-        self.has_geometry = np.array([entry.geometry is not None for entry in entries], bool)
+        of_its_own = np.array([entry.geometry is not None for entry in entries], bool)
+        self.has_geometry = of_its_own & (self.levels == 0)
+        """(n,) leaves that have geometry."""
+        self.has_merged = of_its_own & (self.levels > 0)
+        """(n,) cells above them that have geometry of their own."""
         self.children = np.zeros((len(entries), 2), np.int32)
         """(n, 2) the first child and how many there are."""
         below = np.flatnonzero(self.parents >= 0)
@@ -284,7 +301,9 @@ class CellTree:
         self.pictures = lru_cache(REMEMBERED)(self._pictures)
         """The tiles that a cell is drawn from; cell, view bin and least gain -> CellValues."""
         self.forms = lru_cache(REMEMBERED)(self._forms)
-        """Cell -> CellForms, each of which is drawn whole or not at all; none of a cell with a leaf that has none."""
+        """Cell -> CellForms, each of which is drawn whole or not at all."""
+        self.merged = lru_cache(REMEMBERED)(self._merged)
+        """Cell -> those of its own alone; none of a leaf."""
 
     @classmethod
     def of(cls, world: World) -> CellTree:
@@ -331,7 +350,7 @@ class CellTree:
         own = [listed.triangles[mesh] for mesh in meshes.tolist()]
         for level in range(max(map(len, own), default=0)):
             each = [triangles[min(level, len(triangles) - 1)] for triangles in own]
-            if int(np.dot(counts, each)) <= MESH_TRIANGLES * self.grid.resolution**2:
+            if int(np.dot(counts, each)) <= TRIANGLES * self.grid.resolution**2:
                 return level
         return NONE
 
@@ -341,6 +360,24 @@ class CellTree:
         return finest != NONE and level >= min(finest, levels - 1)
 
     def _forms(self, cell: int) -> CellForms:
+        return _together(self._joined(cell), self.merged(cell))
+
+    def _merged(self, cell: int) -> CellForms:
+        near, key = self.entries[cell].geometry, self.entries[cell].cell
+        if near is None or not self.has_merged[cell]:
+            return NO_FORMS
+        values, errors = [], []
+        for number, form in enumerate(near.forms, FIRST_MERGED):
+            keys, sizes = zip(*form_values(key, form), strict=True)
+            refers = frozenset(keys[:-1])
+            values.append(CellValues(str(key), True, keys, sizes, (), (len(keys),), 1, number, refers))
+            errors.append(told_errors(form.errors))
+        count = len(values)
+        farthest = np.full(count, FARTHEST * 2.0**key.level)
+        return CellForms(tuple(values), np.array(errors), np.ones(count, bool), farthest, count)
+
+    def _joined(self, cell: int) -> CellForms:
+        """The leaves below, together; none of a cell with a leaf that has no geometry."""
         leaves = [self.entries[leaf] for leaf in self.leaves_below(cell)]
         near = [(entry.cell, entry.geometry.forms) for entry in leaves if entry.geometry is not None]
         count = max((len(forms) for _, forms in near), default=0)
@@ -359,7 +396,7 @@ class CellTree:
             errors.append(np.mean([told_errors(form.errors) for _, form in own], axis=0))
             drawn = [form.drawn or (0 if form.instances else form.triangles) for _, form in own]
             far.append(all(drawn) and sum(drawn) <= most)
-        return CellForms(tuple(values), np.array(errors), np.array(far, bool))
+        return CellForms(tuple(values), np.array(errors), np.array(far, bool), np.ones(count))
 
     def _pictures(self, cell: int, from_bin: int, least_gain: float) -> CellValues:
         """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
@@ -373,10 +410,10 @@ class CellTree:
         sizes = tuple(size for _, _, size in tiles)
         return CellValues(entry.key, False, keys, sizes, shares, _steps(shares))
 
-    def errors_at(self, told: Floats, widths: Floats, farthest: float = 1.0) -> Floats:
+    def errors_at(self, told: Floats, widths: Floats, farthest: Floats | float = 1.0) -> Floats:
         """(f, k) of forms with errors as CellForms tells them, (f, 3), where pixels are (f, k) metres wide.
 
-        farthest: pixels of a leaf's pictures that one is wide in the first view that they are told for.
+        farthest: (f, 1) pixels of a leaf's pictures that one is wide in the first view that they are told for.
         """
         narrow = np.log(farthest * self.grid.pitch(0) / np.maximum(widths, 1e-9)) / np.log(ERROR_SPACING)
         at = np.clip(narrow, 0.0, _REACHES - 1.0)
@@ -384,6 +421,18 @@ class CellTree:
         rows = np.arange(len(told))[:, None]
         low, high = told[rows, below], told[rows, below + 1]
         return np.asarray(low + (high - low) * (at - below))
+
+
+def _together(fine: CellForms, coarse: CellForms) -> CellForms:
+    if not fine.values or not coarse.values:
+        return fine if fine.values else coarse
+    return CellForms(
+        fine.values + coarse.values,
+        np.concatenate([fine.errors, coarse.errors]),
+        np.concatenate([fine.far, coarse.far]),
+        np.concatenate([fine.farthest, coarse.farthest]),
+        coarse.merged,
+    )
 
 
 def told_errors(errors: Sequence[int]) -> Floats:

@@ -1,4 +1,4 @@
-"""What a viewer that holds some values shows a cell by: its pictures, or the geometry of all leaves below it."""
+"""What a viewer that holds some values shows a cell by: its pictures, or geometry of its own or of the leaves below."""
 
 from __future__ import annotations
 
@@ -14,10 +14,13 @@ from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, sines, squareness
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.pictures import pixel_width
-from farfield.stream.tree import REACH, CellTree, told_errors
+from farfield.stream.tree import REACH, CellForms, CellTree, told_errors
 from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import texture_key
 from farfield.world.world import World
+
+WHOLE = 1 - 1e-6
+"""Share of a cell's pictures from which on they are all there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,20 +48,52 @@ class Kinds:
         self._eye, self._focal, self._least_gain = eye, focal, least_gain
 
     def geometry_of(self, cell: CellKey, held: Collection[str]) -> list[CellEntry]:
-        """The leaves to draw in place of a cell's pictures; none: its pictures are better, or it is no geometry."""
+        """What to draw in place of a cell's pictures: the leaves below, or the cell itself as merged geometry.
+
+        None: its pictures are better, or it is no geometry (spec/drawing.md, Cells as geometry).
+        """
         tree, number = self._tree, self._numbers.get(cell)
         if number is None:
             return []
         bounds, forms = tree.bounds[number], tree.forms(number)
         away = self._away(bounds)
-        if away >= REACH * tree.grid.leaf_size:
-            return []
         width = pixel_width(bounds, away, self._focal)
-        for level, value in enumerate(forms.values):
-            if forms.far[level] and all(key in held for key in value.keys):
-                better = self._shown(forms.errors[level], width) >= self._pictures(number, width, held)
-                return [tree.entries[leaf] for leaf in tree.leaves_below(number)] if better else []
-        return []
+        may_be = forms.far & (forms.is_merged | (away < REACH * tree.grid.leaf_size))
+        best = self._best(forms, may_be, width, held)
+        pictures, share = self._pictures(number, width, held)
+        if best is None or best[1] < pictures:
+            return []
+        if not forms.is_merged[best[0]]:
+            return [tree.entries[leaf] for leaf in tree.leaves_below(number)]
+        return [tree.entries[number]] if share < WHOLE or self._are_placed(number, held) else []
+
+    def stands_in(self, cell: CellKey, held: Collection[str]) -> bool:
+        """Whether a cell above others stands in for them by merged geometry, and not by its pictures."""
+        number = self._numbers.get(cell)
+        if number is None:
+            return False
+        bounds, forms = self._tree.bounds[number], self._tree.merged(number)
+        width = pixel_width(bounds, self._away(bounds), self._focal)
+        best = self._best(forms, forms.far, width, held)
+        pictures, share = self._pictures(number, width, held)
+        return best is not None and share < WHOLE and best[1] >= pictures
+
+    def _best(
+        self, forms: CellForms, may_be: NDArray[np.bool_], width: NDArray[np.float64], held: Collection[str]
+    ) -> tuple[int, float] | None:
+        """Of the forms that are held that which shows most, and how much; the finer, when two show the same."""
+        best = None
+        for n, value in enumerate(forms.values):
+            if may_be[n] and all(key in held for key in value.keys):
+                shown = self._shown(forms.errors[n], width, float(forms.farthest[n]))
+                if best is None or shown > best[1]:
+                    best = n, shown
+        return best
+
+    def _are_placed(self, number: int, held: Collection[str]) -> bool:
+        """Whether all instances in a cell that is farther than near can be drawn by something."""
+        rows = self._tree.instances_below(number).tolist()
+        return all(self._drawn_by(number, row, held, is_near=False) is not None for row in rows)
 
     def instances_of(
         self, cell: CellKey, held: Collection[str], is_near: bool, leaves: Collection[CellKey] = ()
@@ -74,11 +109,15 @@ class Kinds:
         for row in tree.instances_below(number).tolist():
             if leaves and self._is_within(tree.instances.bounds[row], leaves):
                 continue
-            mesh, most = self._mesh_of(number, row, held, is_near)
-            instance = self._board_of(row, held, most) or mesh
+            instance = self._drawn_by(number, row, held, is_near)
             if instance is not None:
                 found.append(instance)
         return found
+
+    def _drawn_by(self, cell: int, row: int, held: Collection[str], is_near: bool) -> PlacedInstance | None:
+        """An instance by the level or board that shows most of those that are held; None: it cannot be drawn."""
+        mesh, most = self._mesh_of(cell, row, held, is_near)
+        return self._board_of(row, held, most) or mesh
 
     def _mesh_of(
         self, cell: int, row: int, held: Collection[str], is_near: bool
@@ -143,11 +182,12 @@ class Kinds:
         ranges = (range(a, b + 1) for a, b in zip(first, last, strict=True))
         return all(CellKey(0, *key) in leaves for key in itertools.product(*ranges))
 
-    def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> float:
-        """Accuracy of what is held of a cell's pictures."""
+    def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> tuple[float, float]:
+        """Accuracy of what is held of a cell's pictures, and what share of them that is."""
         tree = self._tree
         if not tree.has_pictures[number]:
-            return 0.0
+            return 0.0, 0.0
         middle = tree.bounds[number].reshape(2, 3).mean(axis=0)
         value = tree.pictures(number, view_bin(middle, self._eye), self._least_gain)
-        return value.shown_by(set(held)) * float(picture_accuracy(tree.told[number], tree.errors[number] / width))
+        share = value.shown_by(set(held))
+        return share * float(picture_accuracy(tree.told[number], tree.errors[number] / width)), share

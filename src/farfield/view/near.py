@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey
 from farfield.represent.blocks import BlockedMesh
+from farfield.represent.clipping import clip_to_cell
 from farfield.represent.geometry.board import board_mesh
 from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb
 from farfield.represent.geometry.texture import decode_texture
@@ -31,6 +32,18 @@ def is_held(cell: CellKey, form: GeometryLevel, held: Collection[str] | None) ->
     return held is None or all(key in held for key, _ in form_values(cell, form))
 
 
+@dataclass(frozen=True, slots=True)
+class MergedPart:
+    """What a cell above stands in by for one of those below."""
+
+    entry: CellEntry
+    """Of the cell above, which has geometry of its own."""
+    cell: CellKey
+    """To which that is clipped."""
+    moved: NDArray[np.float64]
+    """(3,) metres by which it is drawn elsewhere."""
+
+
 class NearGeometry:
     """Draws leaves of a world as triangles, for one picture; meshes and textures that they share are read once."""
 
@@ -39,12 +52,12 @@ class NearGeometry:
         self._world, self._eye = world, eye
         self._textures: dict[str, Texture] = {}
         self._meshes: dict[str, tuple[BlockedMesh, int]] = {}
-        """Mesh, or board with an image, by its key, and the number of its first material."""
+        """Mesh, board with an image, or merged geometry, by its key, and the number of its first material."""
         self.bytes = 0
         """Encoded size of everything read so far."""
 
     def draw(self, entries: Iterable[CellEntry], batches: Batches, held: Collection[str] | None = None) -> int:
-        """Draws the leaves, each by the finest form that can be read; returns how many have none.
+        """Draws leaves and cells above by the finest form that can be read; returns how many have none.
 
         held: keys of what may be drawn; None: all.
         """
@@ -64,6 +77,40 @@ class NearGeometry:
                 unreadable += 1
         batches.flush()
         return unreadable
+
+    def draw_merged(self, parts: Iterable[MergedPart], batches: Batches, held: Collection[str] | None = None) -> int:
+        """Draws what stands in, each by the finest form that can be read; returns how many have none."""
+        unreadable = 0
+        for part in parts:
+            geometry, cell = part.entry.geometry, part.entry.cell
+            for form in geometry.forms if geometry else ():
+                if not is_held(cell, form, held):
+                    continue
+                try:
+                    self._draw_part(part, geometry_key(cell, form.hash), batches)
+                    break
+                except CorruptTileError:
+                    continue
+            else:
+                unreadable += 1
+        batches.flush()
+        return unreadable
+
+    def _draw_part(self, part: MergedPart, key: str, batches: Batches) -> None:
+        if key not in self._meshes:
+            read = read_leaf_glb(self._read(key), key, self._texture).mesh
+            if read is None:
+                return
+            self._meshes[key] = BlockedMesh.from_mesh(read), batches.add_materials(read.materials)
+        mesh, base = self._meshes[key]
+        grid, cell = self._world.grid, part.cell
+        size = grid.cell_size(cell.level)
+        placed = mesh.placed(_moved(np.eye(3, 4), grid.bounds(part.entry.cell)[0] - grid.corner), mesh.all_blocks, base)
+        # Cells are no cubes where their axes merge no more.
+        chunk = clip_to_cell(replace(placed, positions=placed.positions / size), 1.0, (cell.x, cell.y, cell.z))
+        if chunk is not None:
+            shift = grid.bounds(cell)[0] + part.moved - self._eye
+            batches.add(replace(chunk, positions=(chunk.positions * size + shift).astype(np.float32)))
 
     def draw_instances(self, instances: Iterable[PlacedInstance], batches: Batches) -> int:
         """Draws instances whole, by their meshes or by boards; returns how many cannot be read."""

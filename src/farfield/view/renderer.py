@@ -19,7 +19,7 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.kinds import Kinds, PlacedInstance
-from farfield.view.near import NearGeometry, is_held
+from farfield.view.near import MergedPart, NearGeometry, is_held
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.splats import Splats
@@ -148,6 +148,8 @@ class _Drawing:
             self._kinds = Kinds(world, self._eye, camera.focal(size), options.least_gain)
         self._instances: list[PlacedInstance] = []
         """Of cells that are not there whole."""
+        self._merged: list[MergedPart] = []
+        """What cells above stand in by."""
         self._cells = self._orthoviews = self._splats = self._triangles = self._bytes = 0
 
     def statistics(self) -> Statistics:
@@ -157,14 +159,14 @@ class _Drawing:
         )
 
     def draw_pictures(self, keys: Iterable[CellKey], are_placed: bool = False) -> list[CellEntry]:
-        """Draws cells from their orthoviews, the nearest first; returns leaves that are geometry in their place.
+        """Draws cells from their orthoviews, the nearest first; returns what is geometry in their place.
 
         are_placed: whether the instances in them are drawn already.
         """
         wanted, lacking, geometry = [], [], []
         for entry in self._seen(keys):
-            if leaves := self._geometry_of(entry):
-                geometry += leaves
+            if shown_by := self._geometry_of(entry):
+                geometry += shown_by
                 continue
             cell = self._wanted(entry)
             held = self._held(cell)
@@ -199,14 +201,17 @@ class _Drawing:
     def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[CellEntry]) -> None:
         """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry.
 
-        afar: others that have.
+        afar: others that have, and cells above.
         """
         entries = self._seen(leaves)
         afar = list(afar)
         without = [entry for entry in entries if not self._has_geometry(entry)]
-        drawn = {e.cell for e in (*entries, *afar) if self._has_geometry(e)}
+        drawn = {e.cell for e in (*entries, *afar) if e.cell.level == 0 and self._has_geometry(e)}
         for entry in without:
             self._place(entry, is_near=True)
+        for entry in afar:
+            if entry.cell.level > 0:
+                self._place(entry, is_near=False)
         for cell in drawn:
             # What reaches out of the leaves that are drawn would be cut off there.
             self._place(self._world.entry(cell), is_near=True, leaves=drawn)
@@ -217,6 +222,7 @@ class _Drawing:
         batches = Batches(drawing)
         self.unreadable += reader.draw_instances(self._instances, batches)
         self.unreadable += reader.draw(entries, batches, self._options.held)
+        self.unreadable += reader.draw_merged(self._merged, batches, self._options.held)
         self._triangles += drawing.triangles
         self._bytes += reader.bytes
 
@@ -256,23 +262,29 @@ class _Drawing:
     def _stand_in(self, key: CellKey, behind: bool = False, is_filling: bool = False) -> None:
         """Draws the nearest ancestor that can be read, clipped to the cell's box; while tiles lack, those above it too.
 
+        As merged geometry, later, where that shows more than what there is of its pictures.
+
         behind: as much farther away as its pixels are apart, so that it does not hide what is there of the cell.
         is_filling: without wide discs, as they hide instances.
         """
-        box = self._world.grid.bounds(key)
+        cell, box = key, self._world.grid.bounds(key)
         away = box.mean(axis=0) - self._eye
         away /= max(float(np.linalg.norm(away)), 1e-9)
         while key.level < self._world.grid.top_level:
             key = self._world.grid.parent(key)
+            moved = away * self._world.grid.pitch(key.level) if behind else None
+            if self._kinds is not None and self._options.held and self._kinds.stands_in(key, self._options.held):
+                self._merged.append(MergedPart(self._world.entry(key), cell, np.zeros(3) if moved is None else moved))
+                return
             try:
                 whole = self._wanted(self._world.entry(key))
-                cell = self._held(whole)
-                layers = self._cache.layers(cell, self._options.ids)
+                held = self._held(whole)
+                layers = self._cache.layers(held, self._options.ids)
             except (CorruptTileError, KeyError):
                 continue
             if layers:
-                self._splat(cell, layers, box, away * self._world.grid.pitch(key.level) if behind else None, is_filling)
-                if len(cell.places) == len(whole.places):
+                self._splat(held, layers, box, moved, is_filling)
+                if len(held.places) == len(whole.places):
                     return
                 behind = True
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from farfield.kernels.boxes import see_boxes
 from farfield.represent.geometry.board import sines, squareness
 from farfield.stream.accuracy import impostor_accuracy, level_accuracy
-from farfield.stream.tree import NONE, CellTree
+from farfield.stream.tree import FIRST_MERGED, NONE, CellTree
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
 from farfield.world.keys import orthoview_key, texture_key
@@ -129,6 +129,43 @@ class HeldGeometry:
         away = np.linalg.norm(np.maximum(np.maximum(boxes[:, :3] - sight.eye, sight.eye - boxes[:, 3:]), 0.0), axis=1)
         near = sight.focal * tree.grid.pitch(0) if self._near_radius is None else self._near_radius
         share = np.where(away < near, self._share[sight.leaf], self._far[sight.leaf])
+        return mesh_accuracy(sight, share)
+
+
+class HeldMerged:
+    """What lies in leaves, but for the instances that these list, by the merged geometry of the cells above them."""
+
+    def __init__(self, tree: CellTree) -> None:
+        self._tree = tree
+        triangles = np.array([entry.geometry.triangles if entry.geometry else 0 for entry in tree.entries], np.int64)
+        self._full = np.where(tree.has_geometry, triangles, 0)
+        """Triangles in full of all leaves at or below each cell."""
+        for cell in range(len(tree.entries) - 1, -1, -1):
+            if tree.parents[cell] != NONE:
+                self._full[tree.parents[cell]] += self._full[cell]
+        self._share = np.zeros(len(tree.entries))
+        """Of those triangles that the finest form of each cell's own that is held has."""
+        cells = np.flatnonzero(tree.has_merged).tolist()
+        self._gathered = _Gathered((cell, form.level, form.keys) for cell in cells for form in tree.merged(cell).values)
+
+    def hold(self, key: str) -> None:
+        """See HeldKind."""
+        for cell, level in self._gathered.hold(key):
+            near = self._tree.entries[cell].geometry
+            assert near is not None
+            share = near.forms[level - FIRST_MERGED].triangles / max(int(self._full[cell]), 1)
+            self._share[cell] = max(self._share[cell], min(share, 1.0))
+
+    def accuracy(self, sight: Sight) -> Floats:
+        """See HeldKind."""
+        share = np.zeros(len(sight.leaf))
+        pieces = np.flatnonzero(sight.instance == NONE)
+        cells = self._tree.parents[sight.leaf[pieces]].astype(np.int64)
+        while len(pieces):
+            is_below = cells != NONE
+            pieces, cells = pieces[is_below], cells[is_below]
+            share[pieces] = np.maximum(share[pieces], self._share[cells])
+            cells = self._tree.parents[cells].astype(np.int64)
         return mesh_accuracy(sight, share)
 
 

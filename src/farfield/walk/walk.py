@@ -19,6 +19,7 @@ from farfield.walk.measure import (
     HeldBoards,
     HeldGeometry,
     HeldKind,
+    HeldMerged,
     HeldMeshes,
     HeldPictures,
     Measure,
@@ -105,7 +106,7 @@ class WalkedWorld:
         directions = [(d.number, d.vector) for d in self.world.manifest.directions]
         kinds: list[HeldKind] = [HeldGeometry(self.tree, options.near_radius), HeldPictures(self.tree, directions)]
         if options.near_radius != 0:
-            kinds += [HeldMeshes(self.tree), HeldBoards(self.tree)]
+            kinds += [HeldMerged(self.tree), HeldMeshes(self.tree), HeldBoards(self.tree)]
         return Measure(self.objects if options.ground else self.objects.without_ground(), kinds, options.size)
 
 

@@ -1,5 +1,5 @@
 import type { Cell } from "../cell.js";
-import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, pixelWidth, type CellForm } from "../cellforms.js";
+import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, type CellForm } from "../cellforms.js";
 import { sightOf, squareness, type Board, type ImpostorForm, type Sight } from "../impostors.js";
 import { MESH_FARTHEST } from "../indextile.js";
 import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
@@ -39,12 +39,18 @@ export interface Part {
   readonly resources: readonly Resource[];
 }
 
-/** Geometry of a cell in one of its forms. */
+/** Geometry of a cell in one of its forms, and the objects that it shows: the cell or, by its own forms, those below it. */
 interface Formed {
   readonly cell: Cell;
   readonly form: CellForm;
-  readonly use: Use;
+  readonly uses: readonly Use[];
   readonly lacks: readonly Lacking[];
+}
+
+/** A cell that will be seen. */
+interface SeenCell {
+  readonly object: number;
+  readonly seen: Seen;
 }
 
 /** An instance that may be seen, as an object of its own. */
@@ -166,12 +172,16 @@ export class Pictures implements Offering<Part> {
     const { near, farOnly } = this.view();
     const uses = new Map<Cell, Use[]>();
     const geometry: Formed[] = [];
+    const below = new Map<Cell, SeenCell[]>();
     this.cells.forEach((cell, object) => {
       const seen = this.seenFrom(cell.bounds, object, outlook);
       if (!seen || (farOnly && seen.away.every((metres) => metres < near))) return;
       this.addChain(uses, cell, object, seen, false);
-      geometry.push(...this.geometryOf(cell, object, seen, outlook.eyes[0]!));
+      const isWhole = this.isWhole(cell, seen, outlook.eyes[0]!);
+      geometry.push(...this.geometryOf(cell, object, seen, isWhole));
+      if (!isWhole) addBelow(below, cell, { object, seen });
     });
+    geometry.push(...[...below].flatMap(([above, cells]) => this.standInsOf(above, cells)));
     this.placed.forEach(({ home, bounds }, n) => {
       const seen = this.seenFrom(bounds, this.cells.length + n, outlook);
       if (seen) this.addChain(uses, this.cells[home]!, this.cells.length + n, seen, true);
@@ -181,7 +191,7 @@ export class Pictures implements Offering<Part> {
     const meshes = [...rows.flatMap(([forms, own]) => this.meshesOf(forms, own)), ...boards];
     this.coming = betterComing([
       ...[...uses].map(([cell, shows]) => ({ ...pictureOf(cell, this.tilesOf(cell, outlook.eyes[0]!)), uses: shows })),
-      ...geometry.map(({ cell, form, use }) => ({ cell, isGeometry: true, mesh: null, cells: [cell], resources: form.resources, uses: [use] })),
+      ...geometry.map(({ cell, form, uses }) => ({ cell, isGeometry: true, mesh: null, cells: [cell], resources: form.resources, uses })),
       ...meshes,
     ]);
     const found: Found = { offers: [], shown: [] };
@@ -222,27 +232,44 @@ export class Pictures implements Offering<Part> {
     return leafSize / resolution;
   }
 
+  /** Whether all pictures of a cell that is not near are there: it is not sent as geometry as well. */
+  private isWhole(cell: Cell, { away }: Seen, eye: Vector3): boolean {
+    const { near, farOnly } = this.view();
+    const isEverNear = cell.level === 0 && cell.geometry !== null && away.some((metres) => metres < near);
+    return (!isEverNear || farOnly) && this.heldShare(cell, eye) >= 1 - 1e-6;
+  }
+
   /** Forms of a near leaf, and of what is farther as long as its pictures are not there. */
-  private geometryOf(cell: Cell, object: number, { away, widths }: Seen, eye: Vector3): Formed[] {
+  private geometryOf(cell: Cell, object: number, { away, widths }: Seen, isWhole: boolean): Formed[] {
     const { near, farOnly, farGeometry, grid } = this.view();
     if (near <= 0) return [];
     const isNear = away.map((metres) => cell.level === 0 && metres < near);
     const isEverNear = isNear.some(Boolean);
     if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
-    let isWhole: boolean | null = null;
     return formsOf(cell, grid.resolution).flatMap((form) => {
       const isFar = farGeometry && form.far;
       const accuracy = away.map((metres, k) => {
-        const may = isNear[k] ? !farOnly : isFar && isWithinReach(metres, grid.leafSize);
-        return may ? 1 - errorAt(form, this.pitch, widths[k]!) : 0;
+        const may = isNear[k] ? !farOnly : isFar && (form.own || isWithinReach(metres, grid.leafSize));
+        return may ? 1 - errorAt(form, this.pitch, widths[k]!, form.farthest) : 0;
       });
       if (!accuracy.some((one) => one > 0)) return [];
-      // Whose pictures are there is not sent its geometry as well, until it is near.
-      if (!isEverNear || farOnly) isWhole ??= this.heldShare(cell, eye) >= 1 - 1e-6;
       const lacks = this.lacking(form.resources, form.images);
       // What is placed in a cell that is farther comes first, level by level.
       const comes = !isWhole && (isEverNear || form.listed.every(({ state }) => state !== "absent"));
-      return !comes && lacks.length > 0 ? [] : [{ cell, form, use: { object, accuracy }, lacks }];
+      return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
+    });
+  }
+
+  /** Own forms of a cell above some that will be seen, and are not there: they stand in for these. */
+  private standInsOf(above: Cell, cells: readonly SeenCell[]): Formed[] {
+    const { near, farGeometry } = this.view();
+    if (near <= 0 || !farGeometry) return [];
+    return ownForms(above).map((form) => {
+      const uses = cells.map(({ object, seen: { widths } }) => ({
+        object,
+        accuracy: widths.map((width) => 1 - errorAt(form, this.pitch, width, form.farthest)),
+      }));
+      return { cell: above, form, uses, lacks: this.lacking(form.resources, form.images) };
     });
   }
 
@@ -261,7 +288,7 @@ export class Pictures implements Offering<Part> {
     for (let level = 0; level <= Math.max(...geometry.map(({ form }) => form.level)); level++) {
       const own = geometry
         .filter(({ form }) => form.level === level && !form.resources.some(this.view().lacks))
-        .map((one) => ({ one, lacks: one.lacks.filter(({ isShared }) => isShared), seen: pixels(one.use.object) }))
+        .map((one) => ({ one, lacks: one.lacks.filter(({ isShared }) => isShared), seen: pixels(one.uses[0]!.object) }))
         .filter(({ lacks }) => lacks.length > 0);
       const all = own.flatMap(({ lacks }) => lacks);
       if (new Set(all.map(({ name }) => name)).size === all.length) continue;
@@ -300,7 +327,7 @@ export class Pictures implements Offering<Part> {
     const all = [...new Set(formed.flatMap(({ form }) => form.resources))];
     if (all.some(this.view().lacks)) return;
     const lacking = new Map(formed.flatMap(({ lacks }) => lacks).map(({ name, bytes }) => [name, bytes]));
-    const uses = formed.map(({ use }) => use);
+    const uses = formed.flatMap(({ uses }) => uses);
     const cells = formed.map(({ cell }) => cell);
     const resources = all.filter(({ state }) => state === "absent");
     const size = [...lacking.values()].reduce((sum, bytes) => sum + bytes, 0);
@@ -388,6 +415,15 @@ export class Pictures implements Offering<Part> {
       ...resources.map(({ key, bytes, kind }) => ({ name: key, bytes, isShared: kind !== "geometry" })),
       ...absent.map(([hash, bytes]) => ({ name: hash, bytes, isShared: true })),
     ];
+  }
+}
+
+function addBelow(below: Map<Cell, SeenCell[]>, cell: Cell, seen: SeenCell): void {
+  for (let { parent } = cell; parent; { parent } = parent) {
+    if (parent.forms.length === 0) continue;
+    const known = below.get(parent);
+    if (known) known.push(seen);
+    else below.set(parent, [seen]);
   }
 }
 
