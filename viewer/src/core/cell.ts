@@ -21,11 +21,12 @@ export interface CellView {
   readonly layers: readonly Resource[];
 }
 
-/** What a leaf needs to be drawn as geometry, at a level. */
+/** What a cell needs to be drawn as geometry, at a level; above the leaves there are no meshes. */
 export interface CellGeometry {
   readonly entry: GeometryLevel;
-  /** 0 = full, the larger the coarser. */
+  /** 0 = full, of a cell above the leaves its finest, the larger the coarser. */
   readonly level: number;
+  /** Triangles of the cell. */
   readonly leaf: Resource;
   readonly meshes: readonly Resource[];
 }
@@ -63,7 +64,7 @@ export class Cell {
   shown: readonly Resource[] = [];
   /** Whether it has been complete. */
   wasWhole = false;
-  /** Its geometry in all forms, from fine to coarse. */
+  /** Its own geometry in all forms, from fine to coarse; above the leaves that of everything below but for listed instances. */
   forms: readonly CellGeometry[] = [];
   /** What is placed in it, of a leaf whose index tells. */
   instances: readonly PlacedMesh[] = [];
@@ -99,7 +100,7 @@ export class Cell {
     return this.indexHash !== "" && this.children === null;
   }
 
-  /** Its full geometry. */
+  /** Its own geometry in the finest form. */
   get geometry(): CellGeometry | null {
     return this.forms[0] ?? null;
   }
@@ -125,7 +126,7 @@ export class Cell {
     const entry = entries.get(this.name);
     if (!entry) throw corrupt(`index tile without cell ${this.name}`, where);
     // The cell may have been read before, as the lowest of the tile above: its resources stay what they are.
-    if (this.views.size === 0) this.describe(entry, shared);
+    if (this.views.size === 0 && this.forms.length === 0) this.describe(entry, shared);
     const known = (entry.children ?? []).filter((name) => entries.has(name));
     if (entry.index && known.length === 0) {
       this.startsTile(entry.index);
@@ -212,7 +213,7 @@ export class Cell {
 
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
-    if (this.views.size === 0) {
+    if (this.views.size === 0 && this.forms.length === 0) {
       const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances } = before;
       Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances });
       for (const resource of before.resources) resource.moveTo(this);

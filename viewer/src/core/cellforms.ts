@@ -1,18 +1,18 @@
 import type { Cell, CellGeometry } from "./cell.js";
-import { ERROR_SPACING } from "./indextile.js";
+import { ERROR_SPACING, FARTHEST } from "./indextile.js";
 import { around, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Resource } from "./resource.js";
-import { pictureAccuracy, toldBy } from "./stream/accuracy.js";
-import { distanceTo, type Box, type Vector3 } from "./vector.js";
-import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
-import type { Direction } from "./manifest.js";
+import { toldBy } from "./stream/accuracy.js";
+import type { Box } from "./vector.js";
 
 /** Below a cell that is shown as geometry, at most. */
 const MOST_LEAVES = 256;
-/** Triangles for each pixel of a view that a cell may have to be geometry from afar: they take no longer than its points. */
-const TRIANGLES = 0.25;
+/** Triangles for each pixel of a view that the leaves below a cell may have to be geometry from afar: they take no longer than its points. */
+const TRIANGLES = 1;
 /** The same of all instances in a cell, which are drawn while its pictures are on their way. */
 const MESH_TRIANGLES = 1;
+/** Number of the finest form of a cell's own, beyond those of any leaf. */
+const FIRST_OWN = 32;
 /** Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 (near/leaflookup.ts). */
 const REACH = 120;
 /** Views that errors are told for. */
@@ -20,11 +20,14 @@ const REACHES = 3;
 /** Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it. */
 const INSIDE = 1 / 16;
 
-/** A cell as geometry in a form, whole or not at all: of a leaf one of its own, of others those of all leaves below together. */
+/** A cell as geometry in a form, whole or not at all: those of all leaves at or below it together, or, above the leaves, one of its own. */
 export interface CellForm {
-  /** 0 = full, the larger the coarser. */
+  /** 0 = full, the larger the coarser; of a cell above the leaves itself from FIRST_OWN on. */
   readonly level: number;
+  /** What is drawn: of leaves or, alone, of the cell above them. */
   readonly leaves: readonly CellGeometry[];
+  /** Whether it is of a cell above the leaves, and shows all below but for the instances that are listed there. */
+  readonly own: boolean;
   /** What it is drawn from, each once; what refers to others comes after them. */
   readonly resources: readonly Resource[];
   /** Those of them that are meshes of which leaves below list instances: they come by themselves. */
@@ -33,21 +36,10 @@ export interface CellForm {
   readonly images: ReadonlyMap<string, number>;
   /** How unlike the full geometry it looks, 0 to 1, as GeometryLevel.errors. */
   readonly told: readonly number[];
+  /** Pixels of a leaf's pictures that one is wide in the first view that this is told for (`errorAt`). */
+  readonly farthest: number;
   /** Whether it has few enough triangles to be drawn from farther than near. */
   readonly far: boolean;
-}
-
-/** How what is far is looked at. */
-export interface FarView {
-  readonly eye: Vector3;
-  /** Pixels of one unit at distance one. */
-  readonly focal: number;
-  readonly grid: { readonly leafSize: number; readonly resolution: number };
-  /** Leaves nearer than this are geometry; 0: none are, and nothing else is. */
-  readonly near: number;
-  /** Whether cells farther away may be geometry, too. */
-  readonly farGeometry: boolean;
-  readonly choice: ViewChoice;
 }
 
 /** Instances of all leaves below a cell, and the box around them; null: there are none. */
@@ -63,15 +55,40 @@ const NOTHING: Placed = { all: [], byMesh: new Map(), bounds: null, finest: Infi
 const known = new WeakMap<Cell, readonly CellForm[]>();
 const placed = new WeakMap<Cell, Placed>();
 
-/** From fine to coarse; none of a cell with a leaf that has none, or of which not all is known yet; the twin of `CellTree.forms`. */
+/**
+ * Those of the leaves from fine to coarse, none where a leaf has none or not all are known yet, then the cell's own; the twin of
+ * `CellTree.forms`.
+ */
 export function formsOf(cell: Cell, resolution: number): readonly CellForm[] {
   const found = known.get(cell);
   if (found) return found;
   const leaves = leavesBelow(cell);
-  if (leaves === null) return [];
+  if (leaves === null) return ownForms(cell);
   const forms = joined(leaves, TRIANGLES * resolution ** 2);
-  known.set(cell, forms);
-  return forms;
+  const all = [...forms, ...ownForms(cell)];
+  known.set(cell, all);
+  return all;
+}
+
+/** Those of a cell above the leaves itself, from fine to coarse. */
+export function ownForms({ forms, level }: Cell): CellForm[] {
+  if (level === 0) return [];
+  return forms.map((form) => ({
+    level: FIRST_OWN + form.level,
+    leaves: [form],
+    own: true,
+    resources: [form.leaf],
+    listed: [],
+    images: new Map(form.entry.textures ?? []),
+    told: toldOf(form),
+    farthest: FARTHEST * 2 ** level,
+    far: true,
+  }));
+}
+
+/** Whether all leaves below are known, as far as they count. */
+export function isKnownBelow(cell: Cell): boolean {
+  return leavesBelow(cell) !== null;
 }
 
 /** Instances that have their place in a leaf below; none where there are no forms, and where not all leaves are known yet. */
@@ -139,32 +156,12 @@ export function isWithinReach(away: number, leafSize: number): boolean {
 
 /**
  * How unlike the full geometry a form looks where a pixel is `width` metres wide: 0 = like it, 1 = as nothing. farthest: pixels of a
- * leaf's pictures that one is wide in the first view that errors are told for; of a form of a mesh MESH_FARTHEST.
+ * leaf's pictures that one is wide in the first view that errors are told for: CellForm.farthest, of a form of a mesh MESH_FARTHEST.
  */
 export function errorAt({ told }: Pick<CellForm, "told">, pitch: number, width: number, farthest = 1): number {
   const at = Math.min(Math.max(Math.log((farthest * pitch) / Math.max(width, 1e-9)) / Math.log(ERROR_SPACING), 0), REACHES - 1);
   const below = Math.min(Math.floor(at), REACHES - 2);
   return told[below]! + (told[below + 1]! - told[below]!) * (at - below);
-}
-
-/** The finest form that is held, where it shows a cell farther away than near at least as well as pictures, held so far, do. */
-export function heldForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
-  const { near, farGeometry, focal, grid } = view;
-  const away = distanceTo(cell.bounds, view.eye);
-  if (near <= 0 || !farGeometry || !isWithinReach(away, grid.leafSize)) return null;
-  const form = formsOf(cell, grid.resolution).find(({ far, resources }) => far && resources.every(({ held }) => held));
-  if (!form) return null;
-  const pitch = grid.leafSize / grid.resolution;
-  const width = pixelWidth(cell.bounds, away, focal);
-  const error = errorAt(form, pitch, width);
-  return 1 - error >= pictures * pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / width) ? form : null;
-}
-
-/** How much of what a cell's pictures show is held. */
-export function heldShare(cell: Cell, view: FarView, directions: ReadonlyMap<number, Direction>): number {
-  const wanted = tilesWanted(cell, directions, view.eye, view.choice);
-  const shares = sharesOf(cell, wanted, view.eye);
-  return wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
 }
 
 /** The leaves below; none when one of them has no geometry, or there are too many; null: not all are known. */
@@ -174,10 +171,14 @@ function leavesBelow(cell: Cell): Cell[] | null {
   for (let own = waiting.pop(); own; own = waiting.pop()) {
     if (own.level > 0 && own.children === null) return null;
     if (own.children?.length) waiting.push(...[...own.children].reverse());
-    else if (own.geometry && found.length < MOST_LEAVES) found.push(own);
+    else if (own.level === 0 && own.geometry && found.length < MOST_LEAVES) found.push(own);
     else if (own.views.size > 0) return [];
   }
   return found;
+}
+
+function toldOf({ entry: { errors } }: CellGeometry): readonly number[] {
+  return errors?.length ? toldBy(errors) : [0, 0, 0];
 }
 
 function joined(leaves: readonly Cell[], mostTriangles: number): CellForm[] {
@@ -185,16 +186,18 @@ function joined(leaves: readonly Cell[], mostTriangles: number): CellForm[] {
   const listed = new Set(leaves.flatMap(({ instances }) => instances.flatMap(({ forms }) => forms.map(({ mesh }) => mesh))));
   return Array.from({ length: count }, (_, level) => {
     const own = leaves.map(({ forms }) => forms[Math.min(level, forms.length - 1)]!);
-    const told = own.map(({ entry: { errors } }) => (errors?.length ? toldBy(errors) : [0, 0, 0]));
+    const told = own.map(toldOf);
     const drawn = own.map(({ entry }) => entry.drawn || (entry.instances > 0 ? 0 : entry.triangles));
     const resources = [...new Set(own.flatMap(({ leaf, meshes }) => [...meshes, leaf]))];
     return {
       level,
       leaves: own,
+      own: false,
       resources,
       listed: resources.filter((resource) => listed.has(resource)),
       images: new Map(own.flatMap(({ entry }) => entry.textures ?? [])),
       told: Array.from({ length: REACHES }, (_, n) => told.reduce((sum, one) => sum + one[n]!, 0) / told.length),
+      farthest: 1,
       far: drawn.every((triangles) => triangles > 0) && drawn.reduce((sum, one) => sum + one, 0) <= mostTriangles,
     };
   });

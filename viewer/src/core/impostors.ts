@@ -82,6 +82,11 @@ export function squareness(board: Board, sight: Sight): number {
   return sine * sine * sine;
 }
 
+/** Whether a board that is there shows anything of an instance. */
+export function isSeen(held: readonly HeldBoards[], sight: Sight): boolean {
+  return held.some(({ boards }) => boards.some((board) => sineOf(board, sight) > 0));
+}
+
 /**
  * The board by which most of an instance is seen, of those that show more of it than `least`; null: none does. pitch: metres between the
  * pixels of a leaf's pictures. width: metres that a pixel is wide there.

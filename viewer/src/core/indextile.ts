@@ -16,14 +16,17 @@ const MOST_IMPOSTORS = 4;
 const MOST_SIDES = 32;
 const MOST_ROWS = 4096;
 
-/** Errors of levels are told for views from where a pixel is as wide as one of a leaf's pictures, then so many times as narrow. */
+/**
+ * Errors of a leaf's levels are told for views from where a pixel is as wide as one of its pictures, then so many times as narrow; of those
+ * of a cell above from where it is FARTHEST times as wide as one of that cell's own.
+ */
 export const ERROR_SPACING = 4;
 /** Pixels of a cell's pictures for one of the screen, in the first view that their errors are told for. */
 export const FARTHEST = 2;
 /** Pixels of a leaf's pictures for one of the screen, in the first view that errors of shared meshes are told for. */
 export const MESH_FARTHEST = 4;
 
-/** A form of a leaf's geometry, which shows it without any of the others. */
+/** A form of a cell's geometry, which shows it without any of the others. */
 export interface GeometryLevel {
   readonly hash: string;
   readonly bytes: number;
@@ -39,7 +42,7 @@ export interface GeometryLevel {
   readonly drawn?: number;
 }
 
-/** Near geometry of a leaf. */
+/** Near geometry of a leaf, or the geometry of all that lies below a cell above. */
 export interface GeometryEntry extends GeometryLevel {
   /** The same with fewer triangles and smaller images, from fine to coarse. */
   readonly levels?: readonly GeometryLevel[];

@@ -38,7 +38,7 @@ export interface LoaderEvents {
   readonly bad: (resource: Resource, error: FarfieldError) => void;
   /** Something came in: it is time for another frame. */
   readonly arrived: () => void;
-  /** A mesh, or a board of one, came that no plan had a use for: the next one may have, to let it stand in. */
+  /** A mesh, a board of one, or geometry of a cell above the leaves came that no plan had a use for: the next one may have, to let it stand in. */
   readonly unforeseen?: () => void;
 }
 
@@ -229,8 +229,7 @@ export class Loader {
       this.loading.set(resource, this.closing);
       void this.prepare(resource, value, this.closing.signal);
     } else this.putAside(resource, value);
-    const standsIn = resource.kind === "mesh" || resource.kind === "impostor";
-    if (standsIn && !this.urgencies.has(resource)) this.events.unforeseen?.();
+    if (standsIn(resource) && !this.urgencies.has(resource)) this.events.unforeseen?.();
     this.pump();
   }
 
@@ -519,6 +518,10 @@ function bytesOf(resources: readonly Resource[]): number {
 
 function isLarge({ bytes }: Resource): boolean {
   return bytes > LARGE_BYTES;
+}
+
+function standsIn({ kind, cell }: Resource): boolean {
+  return kind === "mesh" || kind === "impostor" || (kind === "geometry" && cell!.level > 0);
 }
 
 /** Things by what `of` gives for them, in order. */

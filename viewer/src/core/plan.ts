@@ -1,9 +1,8 @@
 import { isHeld, type Cell, type CellGeometry } from "./cell.js";
-import {
-  boundsOfInstances, errorAt, finestAfar, heldForm, heldShare, meshesBelow, pixelWidth, type CellForm, type FarView,
-} from "./cellforms.js";
+import { boundsOfInstances, errorAt, finestAfar, meshesBelow, pixelWidth, type CellForm } from "./cellforms.js";
 import { cut, type Cut } from "./cut.js";
 import { seesBox, type Frustum } from "./frustum.js";
+import { heldForm, heldOwnForm, heldShare, type FarView } from "./heldform.js";
 import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
 import type { CellKey } from "./grid.js";
 import { bestBoard, heldBoards, placedAlone, sightOf, type Board, type HeldBoards, type ImpostorForm } from "./impostors.js";
@@ -34,6 +33,15 @@ export interface PictureDraw {
   readonly behind: boolean;
 }
 
+/** A cell above the leaves drawn as geometry of its own, for the parts of it that nothing finer covers. */
+export interface SolidDraw {
+  readonly cell: Cell;
+  readonly form: CellGeometry;
+  readonly holes: Holes;
+  /** As of a PictureDraw. */
+  readonly behind: boolean;
+}
+
 /** Instances drawn whole by themselves, where the cell that they are in is not there: by a form of their mesh, or one by a board. */
 export interface InstancesDraw {
   readonly placed: PlacedMesh;
@@ -44,12 +52,15 @@ export interface InstancesDraw {
 export interface Plan {
   readonly cut: Cut<Cell>;
   readonly pictures: PictureDraw[];
+  /** Leaves. */
   readonly geometry: CellGeometry[];
+  /** Cells above them. */
+  readonly solids: SolidDraw[];
   /** In addition to what stands in for the cells that they are in. */
   readonly instances: InstancesDraw[];
-  /** Cells farther away than near that are drawn as geometry, all leaves below them. */
+  /** Cells farther away than near that are drawn as geometry, all leaves below them or by geometry of their own. */
   readonly afar: ReadonlySet<Cell>;
-  /** How many of `pictures` stand in for others. */
+  /** How many of `pictures` and `solids` stand in for others. */
   readonly standIns: number;
 }
 
@@ -74,8 +85,9 @@ export function makePlan(roots: readonly Cell[], directions: ReadonlyMap<number,
 
 /** Whether two plans draw the same. */
 export function samePlan(a: Plan, b: Plan): boolean {
-  const listOf = ({ pictures, geometry, instances }: Plan): unknown[] => [
+  const listOf = ({ pictures, geometry, solids, instances }: Plan): unknown[] => [
     ...pictures.flatMap(({ tiles, holes, behind }) => [JSON.stringify(holes), behind, ...tiles]),
+    ...solids.flatMap(({ form, holes, behind }) => [JSON.stringify(holes), behind, form.leaf]),
     ...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]),
     ...instances.flatMap(({ placed, form }) => [placed, form.mesh]),
   ];
@@ -86,6 +98,7 @@ export function samePlan(a: Plan, b: Plan): boolean {
 class Planner {
   private readonly pictures: PictureDraw[] = [];
   private readonly geometry: CellGeometry[] = [];
+  private readonly solids: SolidDraw[] = [];
   private readonly instances: InstancesDraw[] = [];
   private readonly afar = new Set<Cell>();
   /** Cells of the cut in whose place finer ones are kept, all of them. */
@@ -98,6 +111,8 @@ class Planner {
   private readonly withInstances = new Set<Cell>();
   /** How many cells are drawn from parts of what they should show. */
   private parts = 0;
+  /** How many cells are drawn without the instances in them. */
+  private bare = 0;
 
   constructor(
     private readonly directions: ReadonlyMap<number, Direction>,
@@ -112,7 +127,8 @@ class Planner {
     this.placeInstances(found);
     const { geometry, instances, afar, standIns } = this;
     const pictures = this.pictures.map((draw) => this.behindInstances(draw));
-    return { cut: found, pictures, geometry, instances, afar, standIns };
+    const solids = this.solids.map((draw) => this.behindInstances(draw));
+    return { cut: found, pictures, geometry, solids, instances, afar, standIns };
   }
 
   /** Draws a cell's part of the cut; returns where that was not possible, or not whole: there what is above is drawn as well. */
@@ -124,9 +140,9 @@ class Planner {
     if (role === "picture" && this.drawAfar(cell)) return COVERED;
     if (role && cell.views.size === 0) return role === "geometry" && cell.geometry ? HOLE : COVERED;
     if (role && this.look(cell).isWhole) return this.draw(cell, HOLE, false);
-    const before = this.parts;
+    const [before, bare] = [this.parts, this.bare];
     const holes = role ? this.retain(cell) : joinHoles((cell.children ?? []).map((child) => [child.octant, this.place(child)] as const));
-    if (role && holes === COVERED) this.kept.add(cell);
+    if (role && holes === COVERED && this.bare === bare) this.kept.add(cell);
     return holes === COVERED ? COVERED : this.draw(cell, holes, this.parts > before);
   }
 
@@ -143,9 +159,15 @@ class Planner {
     );
   }
 
-  /** Draws a cell from pictures for its `holes`; returns where it is not whole. */
+  /** Draws a cell from pictures for its `holes`, or one above as geometry of its own; returns where it is not whole. */
   private draw(cell: Cell, holes: Holes, behind: boolean): Holes {
     const { tiles, isWhole, isNew } = this.look(cell);
+    const form = isWhole || this.roles.has(cell) ? null : heldOwnForm(cell, this.view, this.heldShare(cell));
+    if (form) {
+      this.standIns++;
+      this.solids.push({ cell, form: form.leaves[0]!, holes, behind });
+      return COVERED;
+    }
     if (tiles.length === 0) return holes;
     if (isNew) [cell.shown, cell.wasWhole] = [tiles, isWhole];
     if (!isWhole) this.parts++;
@@ -178,12 +200,17 @@ class Planner {
     return tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
   }
 
-  /** Draws all leaves below a cell as geometry, if that shows more than what there is of its pictures. */
+  /** Draws a cell as geometry, or all leaves below it, if that shows more than what there is of its pictures. */
   private drawAfar(cell: Cell): boolean {
     const form = this.formAfar(cell);
     if (!form) return false;
     this.afar.add(cell);
-    for (const leaf of form.leaves) if (seesBox(this.view.frustum, leaf.leaf.cell!.reach)) this.geometry.push(leaf);
+    if (!form.own) {
+      for (const leaf of form.leaves) if (seesBox(this.view.frustum, leaf.leaf.cell!.reach)) this.geometry.push(leaf);
+      return true;
+    }
+    this.bare++;
+    this.solids.push({ cell, form: form.leaves[0]!, holes: HOLE, behind: false });
     return true;
   }
 
@@ -218,7 +245,7 @@ class Planner {
   }
 
   /** What stands in for a cell with instances that are drawn by themselves shows them, too, coarser: it goes behind them. */
-  private behindInstances(draw: PictureDraw): PictureDraw {
+  private behindInstances<Draw extends PictureDraw | SolidDraw>(draw: Draw): Draw {
     const isAbove = !this.roles.has(draw.cell) && this.withInstances.has(draw.cell);
     return isAbove && !draw.behind ? { ...draw, behind: true } : draw;
   }
@@ -273,7 +300,7 @@ class Planner {
     if (this.roles.get(cell) === "geometry") return !seesBox(this.view.frustum, cell.reach) && cell.forms.some(isHeld);
     if (this.afar.has(cell)) return false;
     if (this.kept.has(cell) || this.look(cell).isWhole) return true;
-    return !seesBox(this.view.frustum, cell.reach) && this.formAfar(cell) !== null;
+    return !seesBox(this.view.frustum, cell.reach) && this.formAfar(cell)?.own === false;
   }
 }
 

@@ -63,7 +63,7 @@ class LevelsShown {
     private readonly plan: Plan,
     private readonly view: PlanView,
   ) {
-    this.shares = new Map(plan.pictures.map(({ cell, share }) => [cell, share]));
+    this.shares = new Map([...plan.pictures.map(({ cell, share }) => [cell, share] as const), ...plan.solids.map(({ cell }) => [cell, 1] as const)]);
     this.leaves = new Set(plan.geometry);
     this.asGeometry = new Set(plan.cut.geometry);
   }

@@ -1,6 +1,7 @@
 import { isHeld, type Cell } from "./cell.js";
-import { heldForm, meshesBelow } from "./cellforms.js";
+import { meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
+import { heldForm } from "./heldform.js";
 import { comingBoards } from "./impostors.js";
 import { comingMeshes } from "./instances.js";
 import type { Manifest } from "./manifest.js";
@@ -98,7 +99,8 @@ export function listWants(
     // What is shown better by geometry that is there needs no pictures.
     const form = heldForm(cell, view, 1);
     if (form) add(form.resources, cell, urgencyOf(cell));
-    else if (!addPictures(cell, urgencyOf(cell)) && view.farGeometry) addComing(cell, urgencyOf(cell));
+    const isThere = form ? !form.own : addPictures(cell, urgencyOf(cell));
+    if (!isThere && view.farGeometry) addComing(cell, urgencyOf(cell));
     addCover(cell, (ancestor) => addPictures(ancestor, URGENCY.cover));
   }
   if (!view.farOnly) for (const cell of plan.cut.geometry) addGeometry(cell, urgencyOf(cell));

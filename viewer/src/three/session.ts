@@ -362,9 +362,9 @@ export class Session {
     this.events.arrived();
   }
 
-  private place({ pictures, geometry, instances }: Plan, view: SplatView): void {
+  private place({ pictures, geometry, solids, instances }: Plan, view: SplatView): void {
     this.splats.set(pictures, view);
-    this.near.set({ leaves: geometry, instances }, view.viewpoint, view.sun);
+    this.near.set({ leaves: geometry, solids, instances }, view.viewpoint, view.sun);
   }
 
   /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */
@@ -462,7 +462,7 @@ function seenOf(wants: readonly Want[]): Resource[] {
   return wants.filter(({ urgency }) => isNeeded(urgency)).map(({ resource }) => resource);
 }
 
-function drawnBy({ pictures, geometry, instances }: Plan): Resource[] {
-  const near = [...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]), ...instances.map(({ form }) => form.mesh)];
-  return [...pictures.flatMap(({ tiles }) => tiles), ...near];
+function drawnBy({ pictures, geometry, solids, instances }: Plan): Resource[] {
+  const near = [...geometry.flatMap(({ leaf, meshes }) => [leaf, ...meshes]), ...solids.map(({ form }) => form.leaf)];
+  return [...pictures.flatMap(({ tiles }) => tiles), ...near, ...instances.map(({ form }) => form.mesh)];
 }

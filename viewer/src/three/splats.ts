@@ -1,17 +1,18 @@
 import {
-  DataTexture, GLSL3, Matrix3, NoBlending, Points, RawShaderMaterial, RedIntegerFormat, UnsignedIntType, Vector2, Vector3,
-  GreaterDepth, type BufferGeometry, type Group, type WebGLRenderer,
+  GLSL3, GreaterDepth, Matrix3, NoBlending, Points, RawShaderMaterial, Vector2, Vector3, type BufferGeometry, type DataTexture,
+  type Group, type WebGLRenderer,
 } from "three";
 import { BlockCuller, type Culling } from "../core/culling.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
 import type { Grid } from "../core/grid.js";
-import { HoleTable } from "../core/holes.js";
+import { HOLE } from "../core/holes.js";
 import type { PictureDraw } from "../core/plan.js";
 import { along } from "../core/projection.js";
 import type { Vector3 as Triple } from "../core/vector.js";
+import { HoleTexture, holeUniforms, setHoles } from "./holetexture.js";
 import type { LightUniforms } from "./light.js";
 import type { OrthoviewTile } from "./orthoviewtile.js";
-import { relativeTo, type Viewpoint } from "./viewpoint.js";
+import type { Viewpoint } from "./viewpoint.js";
 import holesText from "./shaders/holes.glsl";
 import lightText from "./shaders/light.glsl";
 import normalText from "./shaders/normal.glsl";
@@ -19,7 +20,6 @@ import fragmentText from "./shaders/splat.frag.glsl";
 import vertexText from "./shaders/splat.vert.glsl";
 
 const PRECISION = "precision highp float;\nprecision highp int;\n";
-const TABLE_WIDTH = 1024;
 
 /** What one draw call needs besides what all share. */
 interface Placement {
@@ -53,16 +53,18 @@ export class Splats {
   private readonly pool: Points<BufferGeometry, RawShaderMaterial>[] = [];
   private readonly placements = new WeakMap<object, Placement>();
   private readonly material: RawShaderMaterial;
+  private readonly holes: HoleTexture;
+  private readonly ofCell = holeUniforms();
   private multiDraw: WEBGL_multi_draw | null = null;
   private viewpoint: Viewpoint | null = null;
   private sun: Triple = [0, 0, 1];
-  private table = new HoleTable();
 
   constructor(
     private readonly group: Group,
     grid: Grid,
     light: LightUniforms,
   ) {
+    this.holes = new HoleTexture(grid);
     this.material = new RawShaderMaterial({
       name: "farfield splats",
       glslVersion: GLSL3,
@@ -86,13 +88,9 @@ export class Splats {
         largest: { value: 64 },
         bothSides: { value: false },
         frame: { value: new Vector2() },
-        holes: { value: holeTexture(new Uint32Array(TABLE_WIDTH)) },
-        holeNode: { value: 1 },
         toWorld: { value: new Matrix3() },
-        cellLower: { value: new Vector3() },
-        cellSize: { value: new Vector3() },
-        cellLevel: { value: 0 },
-        axisLevels: { value: Int32Array.from(grid.axisLevels) },
+        ...this.holes.uniforms,
+        ...this.ofCell,
       },
     });
   }
@@ -102,11 +100,11 @@ export class Splats {
     this.viewpoint = viewpoint;
     this.sun = sun;
     this.tiles = 0;
-    this.table = new HoleTable();
+    this.holes.clear();
     const culler = new BlockCuller(viewpoint, culling, before);
     this.culler = culler;
     for (const draw of draws) {
-      const holeNode = this.table.add(draw.holes);
+      const holeNode = this.holes.add(draw.holes);
       for (const { payload } of draw.tiles) {
         const tile = payload as OrthoviewTile;
         if (!culler.add(tile)) continue;
@@ -121,12 +119,12 @@ export class Splats {
     uniforms["largest"]!.value = largest;
     uniforms["bothSides"]!.value = bothSides;
     (uniforms["frame"]!.value as Vector2).set(viewpoint.width, viewpoint.height);
-    this.uploadTable();
+    this.holes.upload();
   }
 
   dispose(): void {
     this.material.dispose();
-    (this.material.uniforms["holes"]!.value as DataTexture).dispose();
+    this.holes.dispose();
     for (const points of this.pool) this.group.remove(points);
   }
 
@@ -163,12 +161,8 @@ export class Splats {
     uniforms["behind"]!.value = draw.behind ? pitch : 0;
     uniforms["texels"]!.value = tile.texels;
     (uniforms["lattice"]!.value as Int32Array).set(tile.first);
-    uniforms["holeNode"]!.value = holeNode;
-    if (holeNode !== 1) {
-      const { lower, size } = relativeTo(eye, draw.cell.box);
-      set("cellLower", lower);
-      set("cellSize", size);
-      uniforms["cellLevel"]!.value = draw.cell.level;
+    setHoles(this.ofCell, draw.cell, holeNode, eye);
+    if (holeNode !== HOLE) {
       const { u, v, w } = axes;
       (uniforms["toWorld"]!.value as Matrix3).set(u[0], v[0], w[0], u[1], v[1], w[1], u[2], v[2], w[2]);
     }
@@ -184,24 +178,4 @@ export class Splats {
     if (this.multiDraw) this.multiDraw.multiDrawArraysWEBGL(gl.POINTS, firsts, from + 1, counts, from + 1, length - 1);
     else for (let n = from + 1; n < from + length; n++) gl.drawArrays(gl.POINTS, firsts[n]!, counts[n]!);
   }
-
-  private uploadTable(): void {
-    const { words } = this.table;
-    const rows = Math.ceil(words.length / TABLE_WIDTH);
-    let texture = this.material.uniforms["holes"]!.value as DataTexture;
-    if (texture.image.height < rows) {
-      texture.dispose();
-      texture = holeTexture(new Uint32Array(TABLE_WIDTH * rows * 2));
-      this.material.uniforms["holes"]!.value = texture;
-    }
-    (texture.image.data as unknown as Uint32Array).set(words);
-    if (words.length > 8) texture.needsUpdate = true;
-  }
-}
-
-function holeTexture(words: Uint32Array): DataTexture {
-  const texture = new DataTexture(words, TABLE_WIDTH, words.length / TABLE_WIDTH, RedIntegerFormat, UnsignedIntType);
-  texture.internalFormat = "R32UI";
-  texture.needsUpdate = true;
-  return texture;
 }

@@ -20,7 +20,7 @@ export interface WorldStats {
   readonly tiles: number;
   /** Cells drawn from pictures, by level. */
   readonly cells: Readonly<Record<number, number>>;
-  /** Leaves drawn as geometry. */
+  /** Cells drawn as geometry: leaves, and cells above by geometry of their own. */
   readonly geometry_cells: number;
   /** Cells drawn in place of others that are not there. */
   readonly stand_ins: number;
@@ -76,7 +76,7 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     triangles: near?.triangles ?? 0,
     tiles: splats?.tiles ?? 0,
     cells,
-    geometry_cells: plan?.geometry.length ?? 0,
+    geometry_cells: plan ? plan.geometry.length + plan.solids.length : 0,
     stand_ins: plan?.standIns ?? 0,
     cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
     bytes,

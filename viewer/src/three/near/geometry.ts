@@ -1,8 +1,9 @@
 import { Mesh, type BufferGeometry, type Group, type RawShaderMaterial } from "three";
 import type { Cell, CellGeometry } from "../../core/cell.js";
 import type { Grid } from "../../core/grid.js";
-import type { InstancesDraw } from "../../core/plan.js";
+import type { InstancesDraw, SolidDraw } from "../../core/plan.js";
 import type { Vector3 } from "../../core/vector.js";
+import { HoleTexture } from "../holetexture.js";
 import type { LightUniforms } from "../light.js";
 import type { Viewpoint } from "../viewpoint.js";
 import { ClippedModel, type DrawnLeaf } from "./instances.js";
@@ -10,23 +11,26 @@ import { LeafLookup } from "./leaflookup.js";
 import { NearMaterials } from "./materials.js";
 import type { NearModel, NearPart } from "./model.js";
 import { PlacedInstances } from "./placed.js";
+import { SolidCells } from "./solids.js";
 
 type LeafMesh = Mesh<BufferGeometry, RawShaderMaterial>;
 
 /** What of a plan is drawn as geometry. */
 export interface NearDraws {
   readonly leaves: readonly CellGeometry[];
+  readonly solids: readonly SolidDraw[];
   /** By themselves. */
   readonly instances: readonly InstancesDraw[];
 }
 
-/** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. Others by themselves. */
+/** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. Others by themselves, and cells above. */
 export class NearGeometry {
   private readonly materials: NearMaterials;
   private readonly lookup = new LeafLookup();
   private readonly leaves = new Map<NearModel, LeafMesh[]>();
   private readonly instanced = new Map<string, ClippedModel>();
   private readonly placed: PlacedInstances;
+  private readonly solids: SolidCells;
   private drawn: DrawnLeaf[] = [];
   /** Of leaves and what is clipped to them. */
   private ownTriangles = 0;
@@ -36,19 +40,22 @@ export class NearGeometry {
     private readonly grid: Grid,
     light: LightUniforms,
   ) {
-    this.materials = new NearMaterials(light, grid.leafSize);
+    const holes = new HoleTexture(grid);
+    this.materials = new NearMaterials(light, grid.leafSize, holes);
     this.placed = new PlacedInstances(group, this.materials);
+    this.solids = new SolidCells(group, grid, this.materials, holes);
   }
 
   /** Triangles drawn last. */
   get triangles(): number {
-    return this.ownTriangles + this.placed.triangles;
+    return this.ownTriangles + this.placed.triangles + this.solids.triangles;
   }
 
   /** Takes what is to be drawn. */
-  set({ leaves, instances }: NearDraws, viewpoint: Viewpoint, sun: Vector3): void {
+  set({ leaves, solids, instances }: NearDraws, viewpoint: Viewpoint, sun: Vector3): void {
     this.materials.set(viewpoint, sun);
     this.placed.set(instances, viewpoint.eye);
+    this.solids.set(solids, viewpoint.eye);
     const drawn = leaves.map(({ leaf, level }) => ({ cell: leaf.cell!, model: leaf.payload as NearModel, level }));
     if (!sameLeaves(drawn, this.drawn) || this.meshesChanged(leaves)) this.change(drawn, leaves, viewpoint.eye);
     for (const { cell, model } of drawn) {
@@ -65,6 +72,7 @@ export class NearGeometry {
   /** Forgets a model that is about to be dropped. */
   forget(model: NearModel): void {
     this.placed.forget(model);
+    this.solids.forget(model);
     for (const mesh of this.leaves.get(model) ?? []) this.remove(mesh);
     this.leaves.delete(model);
     this.drawn = this.drawn.filter((leaf) => leaf.model !== model);
@@ -84,6 +92,7 @@ export class NearGeometry {
     for (const model of [...this.leaves.keys()]) this.forget(model);
     for (const model of this.instanced.values()) model.dispose();
     this.placed.dispose();
+    this.solids.dispose();
     this.lookup.dispose();
   }
 

@@ -1,13 +1,18 @@
-import { DoubleSide, GLSL3, GreaterDepth, NoBlending, RawShaderMaterial, Vector2, Vector3, Vector4, type Data3DTexture } from "three";
+import { DoubleSide, GLSL3, GreaterDepth, NoBlending, RawShaderMaterial, Vector2, Vector3, Vector4, type Data3DTexture, type IUniform } from "three";
 import type { Vector3 as Triple } from "../../core/vector.js";
+import type { HoleTexture, holeUniforms } from "../holetexture.js";
 import type { LightUniforms } from "../light.js";
 import type { Viewpoint } from "../viewpoint.js";
 import type { NearPart } from "./model.js";
+import holesText from "../shaders/holes.glsl";
 import lightText from "../shaders/light.glsl";
 import fragmentText from "../shaders/near.frag.glsl";
 import vertexText from "../shaders/near.vert.glsl";
 
 const PRECISION = "precision highp float;\nprecision highp int;\n";
+
+/** For which holes of a cell it is drawn, and how far behind what is finer. */
+export type SolidUniforms = ReturnType<typeof holeUniforms> & { readonly behind: { value: number } };
 
 /** Makes the materials of near geometry, which share what depends on the view and the light. */
 export class NearMaterials {
@@ -25,6 +30,7 @@ export class NearMaterials {
   constructor(
     private readonly light: LightUniforms,
     private readonly leafSize: number,
+    private readonly holes: HoleTexture,
   ) {}
 
   set({ toX, toY, toW, width, height, near }: Viewpoint, sun: Triple): void {
@@ -36,11 +42,16 @@ export class NearMaterials {
     this.shared.near.value = near;
   }
 
+  /** Of a cell above the leaves, whose place is only a shift too, and which is drawn where it stands in. */
+  makeSolid(part: NearPart, place: SolidUniforms): RawShaderMaterial {
+    return this.make(part, "solid", { ...this.holes.uniforms, ...place });
+  }
+
   /**
-   * kind: of a leaf, whose place is only a shift; of a mesh that is placed many times, clipped to leaves or whole; or of an object that
+   * kind: of a leaf, whose place is only a shift; of a cell above (makeSolid); of a mesh that is placed many times, clipped to leaves or whole; or of an object that
    * moves and turns.
    */
-  make({ surface, geometry }: NearPart, kind: "leaf" | "clipped" | "placed" | "moving"): RawShaderMaterial {
+  make({ surface, geometry }: NearPart, kind: "leaf" | "solid" | "clipped" | "placed" | "moving", own: Record<string, IUniform> = {}): RawShaderMaterial {
     const defines: Record<string, string> = {};
     if (surface.map) defines["TEXTURED"] = "";
     if (surface.cutoff > 0) defines["CUT_OUT"] = "";
@@ -49,6 +60,7 @@ export class NearMaterials {
     if (kind === "clipped" || kind === "placed") defines["INSTANCED"] = "";
     if (kind === "clipped") defines["CLIPPED"] = "";
     if (kind === "moving") defines["MOVING"] = "";
+    if (kind === "solid") defines["SOLID"] = "";
     if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();
     const lookup = { leaves: this.leaves, leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
     return new RawShaderMaterial({
@@ -56,7 +68,7 @@ export class NearMaterials {
       glslVersion: GLSL3,
       defines,
       vertexShader: [PRECISION, vertexText].join("\n"),
-      fragmentShader: [PRECISION, lightText, fragmentText].join("\n"),
+      fragmentShader: [PRECISION, lightText, ...(kind === "solid" ? [holesText] : []), fragmentText].join("\n"),
       // As the bake sees surfaces: from both sides.
       side: DoubleSide,
       depthFunc: GreaterDepth,
@@ -64,6 +76,7 @@ export class NearMaterials {
       uniforms: {
         ...this.shared,
         ...this.light,
+        ...own,
         ...(kind === "clipped" ? { ...lookup, levels: { value: 0 } } : {}),
         map: { value: surface.map },
         factor: { value: new Vector4(...surface.factor) },

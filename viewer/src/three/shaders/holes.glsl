@@ -2,15 +2,13 @@
 
 uniform highp usampler2D holes;
 uniform int holeNode;     // 1: all of the cell, no walk
-uniform mat3 toWorld;     // from the layer's frame to the world's axes
 uniform vec3 cellLower;   // relative to the eye, world axes
 uniform vec3 cellSize;
 uniform int cellLevel;
 uniform ivec3 axisLevels; // level from which cells no longer merge along each axis
 
-bool drawnHere(vec3 c) {
-    if (holeNode == 1) return true;
-    vec3 p = toWorld * c;
+// p: relative to the eye, world axes.
+bool isHole(vec3 p) {
     vec3 lower = cellLower;
     vec3 size = cellSize;
     int node = holeNode;

@@ -15,6 +15,9 @@ uniform int levels;             // a bit each, at which it is drawn by this mesh
 uniform vec3 leavesLower;       // of its first texel, relative to the eye
 uniform float leafSize;
 #endif
+#ifdef SOLID
+uniform float behind; // metres by which finer parts of the same go before it
+#endif
 
 uniform vec4 factor;  // linear light
 uniform float cutoff; // alpha below it is a hole
@@ -29,6 +32,9 @@ void main() {
     if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, vec3(textureSize(leaves, 0))))) discard;
     int level = int(texelFetch(leaves, ivec3(leaf), 0).r * 255.0 + 0.5) - 1;
     if (level < 0 || ((levels >> level) & 1) == 0) discard;
+#endif
+#ifdef SOLID
+    if (holeNode != 1 && !isHole(point)) discard;
 #endif
     vec4 surface = factor;
 #ifdef TEXTURED
@@ -55,5 +61,9 @@ void main() {
     vec3 n = normalize(side > 0.0 ? -facing : facing);
     color = lit(surface.rgb, dot(n, sun), 1.0);
 #endif
+#ifdef SOLID
+    gl_FragDepth = near / (1.0 / gl_FragCoord.w + behind);
+#else
     gl_FragDepth = near * gl_FragCoord.w;
+#endif
 }

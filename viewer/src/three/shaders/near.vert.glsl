@@ -1,4 +1,4 @@
-// Triangles of a leaf, or of a mesh placed many times. Vectors are along the world's axes, metres.
+// Triangles of a cell, or of a mesh placed many times. Vectors are along the world's axes, metres.
 
 in vec3 position;
 in vec3 normal;

@@ -3,6 +3,7 @@
 uniform float near;
 uniform float pitch;
 uniform float behind;
+uniform mat3 toWorld; // from the layer's frame to the world's axes
 uniform vec3 sun;
 uniform bool bothSides;
 uniform highp usampler2D texels; // of the tile's patches: color, surface
@@ -36,7 +37,7 @@ vec4 patchAt(vec2 at, inout float d) {
     vec3 c = radiance.xyz + vec3(place, dot(tilt, place)) * pitch;
     vec3 n = normalOf(texel.g);
     if (dot(n, c) >= 0.0 && !bothSides) discard;
-    if (!drawnHere(c)) discard;
+    if (holeNode != 1 && !isHole(toWorld * c)) discard;
     d += pitch * (1.0 - abs(n.z)) + behind;
     vec3 albedo = linearFromSrgb(
         vec3(float(texel.r & 255u), float((texel.r >> 8) & 255u), float((texel.r >> 16) & 255u)) / 255.0);

@@ -10,6 +10,7 @@ uniform ivec2 lattice;  // column and row of the tile's first pixel
 uniform vec3 toX;       // rows of the linear part of the projection
 uniform vec3 toY;
 uniform vec3 toW;       // the view axis
+uniform mat3 toWorld;   // from the layer's frame to the world's axes
 uniform vec3 sun;
 uniform float focal;    // pixels
 uniform float near;
@@ -95,7 +96,7 @@ void main() {
     float facing = dot(n, c);
     bool connected = (position.z & 0x80000u) != 0u;
     if (connected && facing >= 0.0 && !bothSides) return;
-    if (!drawnHere(c)) return;
+    if (holeNode != 1 && !isHole(toWorld * c)) return;
 
     // Of two views of the same surface the one that looks at it squarely shows more of it.
     float front = d + pitch * (1.0 - abs(n.z)) + behind;

@@ -1,0 +1,78 @@
+import type { Cell } from "./cell.js";
+import { errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
+import { heldBoards, isSeen, sightOf } from "./impostors.js";
+import { heldMesh, type PlacedMesh } from "./instances.js";
+import type { Direction } from "./manifest.js";
+import { pictureAccuracy } from "./stream/accuracy.js";
+import { distanceTo, type Vector3 } from "./vector.js";
+import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
+
+/** A cell higher up lists nothing below itself: it has no form of its own where more than 256 leaves do (spec/world.md). */
+const HIGHEST_WITH_INSTANCES = 4;
+
+/** How what is far is looked at. */
+export interface FarView {
+  readonly eye: Vector3;
+  /** Pixels of one unit at distance one. */
+  readonly focal: number;
+  readonly grid: { readonly leafSize: number; readonly resolution: number };
+  /** Leaves nearer than this are geometry; 0: none are, and nothing else is. */
+  readonly near: number;
+  /** Whether cells farther away may be geometry, too. */
+  readonly farGeometry: boolean;
+  readonly choice: ViewChoice;
+}
+
+/** The form that is held and shows most of a cell farther away than near, if that is as much as pictures, held so far, do. */
+export function heldForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
+  const { eye, grid } = view;
+  if (!mayBeGeometry(view)) return null;
+  const reaches = isWithinReach(distanceTo(cell.bounds, eye), grid.leafSize);
+  const held = formsOf(cell, grid.resolution).filter((form) => isHeld(form) && (form.own || (form.far && reaches)));
+  // Pictures show what is placed in the cell as well.
+  const may = pictures < 1 || !held.some(({ own }) => own) || showsInstances(cell, view) ? held : held.filter(({ own }) => !own);
+  return bestOf(may, cell, view, pictures);
+}
+
+/** The same of the forms of a cell above the leaves alone: that by which it stands in. */
+export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
+  return mayBeGeometry(view) ? bestOf(ownForms(cell).filter(isHeld), cell, view, pictures) : null;
+}
+
+/** How much of what a cell's pictures show is held. */
+export function heldShare(cell: Cell, view: FarView, directions: ReadonlyMap<number, Direction>): number {
+  const wanted = tilesWanted(cell, directions, view.eye, view.choice);
+  const shares = sharesOf(cell, wanted, view.eye);
+  return wanted.reduce((sum, { held }, n) => sum + (held ? shares[n]! : 0), 0);
+}
+
+function mayBeGeometry({ near, farGeometry }: FarView): boolean {
+  return near > 0 && farGeometry;
+}
+
+function isHeld({ resources }: CellForm): boolean {
+  return resources.every(({ held }) => held);
+}
+
+/** The one that shows most, of those that show as much the first, if it is at least as much as such a share of the pictures. */
+function bestOf(forms: readonly CellForm[], cell: Cell, { eye, focal, grid }: FarView, pictures: number): CellForm | null {
+  if (forms.length === 0) return null;
+  const pitch = grid.leafSize / grid.resolution;
+  const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
+  const errors = forms.map((form) => errorAt(form, pitch, width, form.farthest));
+  const least = Math.min(...errors);
+  const shown = pictures * pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / width);
+  return 1 - least >= shown ? forms[errors.indexOf(least)]! : null;
+}
+
+/** Whether each instance that is listed below a cell farther away than near can be drawn by something that is held. */
+function showsInstances(cell: Cell, { eye, grid }: FarView): boolean {
+  if (!isKnownBelow(cell)) return cell.level > HIGHEST_WITH_INSTANCES;
+  const finest = finestAfar(cell, grid.resolution);
+  return [...meshesBelow(cell)].every(([forms, all]) => (finest < Infinity && heldMesh(forms, finest)) || areOnBoards(all, eye));
+}
+
+function areOnBoards(all: readonly PlacedMesh[], eye: Vector3): boolean {
+  const held = heldBoards(all[0]!.impostors);
+  return held.length > 0 && all.every((placed) => placed.instances.every((instance) => isSeen(held, sightOf(placed, instance, eye))));
+}
