@@ -46,14 +46,15 @@ function entryOf(key: CellKey): CellEntry {
   };
 }
 
-/** The root of that world, with nothing held, and its cells by name. */
-export function makeWorld(changes: Partial<CellEntry> = {}): { root: Cell; cells: Map<string, Cell> } {
+/** The root of that world, with nothing held, and its cells by name; changes: of all entries, or of each. */
+export function makeWorld(changes: Partial<CellEntry> | ((key: CellKey) => Partial<CellEntry>) = {}): { root: Cell; cells: Map<string, Cell> } {
+  const changesOf = typeof changes === "function" ? changes : () => changes;
   const entries = new Map<string, CellEntry>();
   for (let level = 0; level <= 2; level++) {
     for (let x = 0; x < 4 >> level; x++) {
       for (let y = 0; y < 4 >> level; y++) {
         const entry = entryOf({ level, x, y, z: 0 });
-        entries.set(entry.key, { ...entry, ...changes });
+        entries.set(entry.key, { ...entry, ...changesOf({ level, x, y, z: 0 }) });
       }
     }
   }

@@ -17,6 +17,32 @@ export function joinHoles(children: readonly (readonly [number, Holes])[]): Hole
   return joined;
 }
 
+/** A cell as far as it is known what lies below. */
+interface Holding {
+  readonly octant: number;
+  readonly children: readonly Holding[] | null;
+}
+
+/** To what lies beside an octant: above or below it, then along one of the other axes, then across. */
+const FLIPS = [4, 2, 1, 6, 5, 3, 7];
+
+/**
+ * The same, with octants that hold nothing as what is beside them, mirrored: surfaces that are simplified lie a little beside what they
+ * show, and would have gaps there.
+ */
+export function spread(holes: Holes, { children }: Holding): Holes {
+  if (typeof holes === "number") return holes;
+  const known = new Map((children ?? []).map((child) => [child.octant, spread(holes[child.octant]!, child)]));
+  return holes.map((part, octant) => {
+    const flip = [0, ...FLIPS].find((bits) => known.has(octant ^ bits));
+    return flip === undefined ? part : mirrored(known.get(octant ^ flip)!, flip);
+  });
+}
+
+function mirrored(holes: Holes, flip: number): Holes {
+  return typeof holes === "number" || flip === 0 ? holes : holes.map((_, octant) => mirrored(holes[octant ^ flip]!, flip));
+}
+
 /**
  * Holes of several cells as one table for the graphics card: nodes of 8 words, one an octant, each COVERED, HOLE or the
  * place of the node of that octant.

@@ -3,7 +3,7 @@ import { boundsOfInstances, errorAt, finestAfar, meshesBelow, pixelWidth, type C
 import { cut, type Cut } from "./cut.js";
 import { seesBox, type Frustum } from "./frustum.js";
 import { heldForm, heldOwnForm, heldShare, type FarView } from "./heldform.js";
-import { COVERED, HOLE, joinHoles, type Holes } from "./holes.js";
+import { COVERED, HOLE, joinHoles, spread, type Holes } from "./holes.js";
 import type { CellKey } from "./grid.js";
 import { bestBoard, heldBoards, placedAlone, sightOf, type Board, type HeldBoards, type ImpostorForm } from "./impostors.js";
 import { MESH_FARTHEST } from "./indextile.js";
@@ -165,7 +165,7 @@ class Planner {
     const form = isWhole || this.roles.has(cell) ? null : heldOwnForm(cell, this.view, this.heldShare(cell));
     if (form) {
       this.standIns++;
-      this.solids.push({ cell, form: form.leaves[0]!, holes, behind });
+      this.solids.push({ cell, form: form.leaves[0]!, holes: spread(holes, cell), behind });
       return COVERED;
     }
     if (tiles.length === 0) return holes;
