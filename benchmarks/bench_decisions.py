@@ -28,7 +28,8 @@ from farfield.stream.link import Link
 from farfield.stream.motion import Prediction, Viewing
 from farfield.stream.offers import Kind, Offers
 from farfield.stream.outlook import Outlook
-from farfield.stream.pictures import Pictures, Regions
+from farfield.stream.pictures import Pictures
+from farfield.stream.regions import Regions
 from farfield.stream.scheduler import Scheduler
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -19,7 +19,8 @@ import numpy as np
 from farfield.octree.grid import CellKey, Grid
 from farfield.stream.link import Link
 from farfield.stream.motion import Viewing
-from farfield.stream.pictures import Pictures, Regions, SentCell, Shape
+from farfield.stream.pictures import Pictures, SentCell
+from farfield.stream.regions import Regions, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import NONE, CellTree
 from farfield.world.index import (

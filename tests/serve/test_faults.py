@@ -33,7 +33,7 @@ from farfield.serve.push.session import BLOCK, Session
 from farfield.serve.run import ServeOptions, serving
 from farfield.store import DirectoryStore, MemoryStore, Store
 from farfield.stream.motion import MotionPredictor
-from farfield.stream.pictures import Shape
+from farfield.stream.regions import Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.world.manifest import KEY, decode_manifest, encode_manifest
 from serve.hostile import sessions, valid

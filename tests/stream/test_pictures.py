@@ -9,11 +9,13 @@ import pytest
 
 from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
+from farfield.stream.geometry import FINE
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
 from farfield.stream.offers import SHARES, Offers
 from farfield.stream.outlook import look
-from farfield.stream.pictures import FINE, OBJECTS, SHARP, Pictures, Regions, SentCell, Shape
+from farfield.stream.pictures import SHARP, Pictures, SentCell
+from farfield.stream.regions import OBJECTS, Regions, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
 from farfield.world.index import MESH_FARTHEST

@@ -13,7 +13,7 @@ from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, sines, squareness
 from farfield.stream.accuracy import picture_accuracy
-from farfield.stream.pictures import pixel_width
+from farfield.stream.regions import pixel_width
 from farfield.stream.tree import REACH, CellForms, CellTree, told_errors
 from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import texture_key
@@ -39,7 +39,7 @@ class PlacedInstance:
 
 
 class Kinds:
-    """Chooses by what is told of either, as who sends it does (stream.pictures)."""
+    """Chooses by what is told of either, as who sends it does (stream.geometry)."""
 
     def __init__(self, world: World, eye: NDArray[np.float64], focal: float, least_gain: float) -> None:
         """eye: (3,) local metres. focal: pixels of one unit at distance one."""

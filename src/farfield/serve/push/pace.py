@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.stream.motion import Prediction
-from farfield.stream.pictures import Regions
+from farfield.stream.regions import Regions
 
 if TYPE_CHECKING:
     from farfield.serve.push.session import Session

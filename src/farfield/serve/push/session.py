@@ -31,7 +31,8 @@ from farfield.serve.push.messages import (
 from farfield.serve.push.pace import FAIR_HELD, MOST_HELD_BY_ALL, BoundedRegions, Pace
 from farfield.store.contract import Store
 from farfield.stream.motion import Viewing
-from farfield.stream.pictures import Pictures, SentCell, Shape
+from farfield.stream.pictures import Pictures, SentCell
+from farfield.stream.regions import Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
 
