@@ -1,13 +1,12 @@
 import type { Cell } from "../cell.js";
 import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, type CellForm } from "../cellforms.js";
-import { sightOf, squareness, type Board, type ImpostorForm, type Sight } from "../impostors.js";
-import { MESH_FARTHEST } from "../indextile.js";
 import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
 import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { lossFrom, pictureAccuracy } from "./accuracy.js";
+import { MeshParts, sideOf, type MeshPart, type PlacedRow, type Seen } from "./meshes.js";
 import type { Prediction } from "./motion.js";
 import { partsOf, SHARES, type Offer, type Offering, type Shown, type Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
@@ -20,11 +19,8 @@ const STEPS = 4;
 const TOGETHER = 64;
 /** Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is; in a coarser one less. */
 const SHARP = 1;
-/** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces, or of an image's, by its pixels. */
-const FINE = 0.5;
 /** Importance of an instance beside that of a cell. */
 const OBJECTS = 4;
-const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
 /** Pictures or geometry of a cell, or a mesh of instances, or an image of it. */
 export interface Part {
@@ -62,47 +58,12 @@ interface Placed {
   readonly bounds: Box;
 }
 
-/** Where an object will be seen from. */
-interface Seen {
-  /** Metres to it in each interval. */
-  readonly away: readonly number[];
-  /** Metres that a pixel is wide there. */
-  readonly widths: readonly number[];
-}
-
-/** An instance that will be seen. */
-interface PlacedRow {
-  readonly of: PlacedMesh;
-  readonly instance: Instance;
-  readonly seen: Seen;
-  /** In which intervals the leaf that it lies in is near. */
-  readonly near: readonly boolean[];
-  /** The finest level that may be drawn from farther. */
-  readonly from: number;
-  readonly object: number;
-  readonly cell: Cell;
-  /** Square metres of the rectangle round it as it is seen from a side, at most. */
-  readonly side: number;
-  /** How much of it is seen, all intervals together. */
-  readonly pixels: number;
-}
-
-/** How each of several instances will be seen in each interval. */
-type Sights = readonly (readonly Sight[])[];
-
 /** What of a form is not there. */
 interface Lacking {
   readonly name: string;
   readonly bytes: number;
   /** Whether other cells' geometry may need it, too. */
   readonly isShared: boolean;
-}
-
-/** A form of a mesh or an image of it, and the instances that it shows. */
-interface MeshPart extends Part {
-  /** Hash and bytes of each image that it needs besides. */
-  readonly images: ReadonlyMap<string, number>;
-  readonly uses: readonly Use[];
 }
 
 interface Found {
@@ -187,12 +148,12 @@ export class Pictures implements Offering<Part> {
       if (seen) this.addChain(uses, this.cells[home]!, this.cells.length + n, seen, true);
     });
     const rows = [...this.placedRows(outlook)];
-    const boards = rows.flatMap(([, own]) => this.boardsOf(own, outlook));
-    const meshes = [...rows.flatMap(([forms, own]) => this.meshesOf(forms, own)), ...boards];
+    const parts = new MeshParts(outlook, this.pitch, this.view().farGeometry);
+    const meshes = [...rows.flatMap(([forms, own]) => parts.levelsOf(forms, own)), ...rows.flatMap(([, own]) => parts.boardsOf(own))];
     this.coming = betterComing([
       ...[...uses].map(([cell, shows]) => ({ ...pictureOf(cell, this.tilesOf(cell, outlook.eyes[0]!)), uses: shows })),
       ...geometry.map(({ cell, form, uses }) => ({ cell, isGeometry: true, mesh: null, cells: [cell], resources: form.resources, uses })),
-      ...meshes,
+      ...meshes.map((one) => ({ ...one, ...asPart(one, one.resources) })),
     ]);
     const found: Found = { offers: [], shown: [] };
     for (const [cell, shows] of uses) this.addPictures(found, cell, outlook.eyes[0]!, shows);
@@ -360,51 +321,14 @@ export class Pictures implements Offering<Part> {
     return byMesh;
   }
 
-  /** Levels of the mesh of instances that will be seen: sent once, placed many times. */
-  private meshesOf(forms: readonly MeshForm[], rows: readonly PlacedRow[]): MeshPart[] {
-    const { pitch } = this;
-    return forms.map((form) => {
-      const uses = rows.map(({ seen, near, from, object, side }) => {
-        const isFar = from < Infinity && form.level >= Math.min(from, forms.length - 1);
-        const fine = (width: number): number => fineness(side / width ** 2, form, forms[0]!);
-        const looks = (width: number): number => (1 - FINE) * (1 - errorAt(form, pitch, width, MESH_FARTHEST)) + FINE * fine(width);
-        return { object, accuracy: seen.widths.map((width, k) => (near[k] || isFar ? looks(width) : 0)) };
-      });
-      return meshPart(rows, form.mesh, form.images, uses);
-    });
-  }
-
-  /** Images of instances that will be seen, from the sides that they will be seen from, and those that are there or on their way. */
-  private boardsOf(rows: readonly PlacedRow[], outlook: Outlook): MeshPart[] {
-    const { impostors } = rows[0]!.of;
-    if (impostors.length === 0) return [];
-    const sights = rows.map(({ of, instance }) => outlook.eyes.map((eye) => sightOf(of, instance, eye)));
-    return impostors.flatMap((impostor) => {
-      const sides = sidesFrom(impostor, rows, sights, outlook);
-      impostor.boards.forEach(({ mesh: { state } }, side) => state !== "absent" && sides.add(side));
-      const shown = rows.map((row) => this.likeness(impostor, row, outlook));
-      return [...sides].sort((a, b) => a - b).map((side) => boardPart(impostor.boards[side]!, rows, shown, sights));
-    });
-  }
-
-  /** How well an impostor shows an instance in each interval, seen head on: half by its images' pixels, half by what was measured. */
-  private likeness({ told, entry }: ImpostorForm, { seen, near, object }: PlacedRow, { height }: Outlook): number[] {
-    const { widths } = seen;
-    const { farGeometry } = this.view();
-    return widths.map((width, k) => {
-      if (!near[k] && !farGeometry) return 0;
-      const sharp = Math.min(entry.rows / Math.max(height[object * widths.length + k]!, 1e-9), 1);
-      return (1 - FINE) * (1 - errorAt({ told }, this.pitch, width, MESH_FARTHEST)) + FINE * sharp;
-    });
-  }
-
   /** Offers a form or an image of a mesh that is not there, as far as it can be had. */
-  private addMesh({ offers, shown }: Found, { images, uses, resources, ...part }: MeshPart): void {
+  private addMesh({ offers, shown }: Found, part: MeshPart): void {
+    const { images, uses, resources } = part;
     if (resources.some(this.view().lacks)) return;
     const lacks = this.lacking(resources, images);
     const size = lacks.reduce((sum, { bytes }) => sum + bytes, 0);
     if (lacks.length === 0) shown.push(...uses.map((use) => ({ ...use, parts: SHARES.length })));
-    else offers.push({ item: { ...part, resources: resources.filter(({ state }) => state === "absent") }, size, uses, parts: SHARES.length, series: {} });
+    else offers.push({ item: asPart(part, resources.filter(({ state }) => state === "absent")), size, uses, parts: SHARES.length, series: {} });
   }
 
   /** What of a form is not there, its images too, by name. */
@@ -427,36 +351,8 @@ function addBelow(below: Map<Cell, SeenCell[]>, cell: Cell, seen: SeenCell): voi
   }
 }
 
-/** As the thesis has it, of a form that takes `area` pixels (BEN 4.1); the twin of `level_accuracy`. */
-function fineness(area: number, form: MeshForm, full: MeshForm): number {
-  return Math.sqrt(Math.max(area / full.entry.triangles, 1) / Math.max(area / form.entry.triangles, 1));
-}
-
-function meshPart(rows: readonly PlacedRow[], mesh: Resource, images: MeshPart["images"], uses: readonly Use[]): MeshPart {
-  const { cell, of } = rows.reduce((most, row) => (row.pixels > most.pixels ? row : most));
-  return { cell, isGeometry: true, mesh: of.forms[0]!.entry.hash, cells: [], resources: [mesh], images, uses };
-}
-
-/** An image, of instances that it would show so well head on, and which are seen so in each interval. */
-function boardPart(board: Board, rows: readonly PlacedRow[], shown: readonly (readonly number[])[], sights: Sights): MeshPart {
-  const uses = rows.map(({ object }, n) => ({ object, accuracy: shown[n]!.map((like, k) => like * squareness(board, sights[n]![k]!)) }));
-  return meshPart(rows, board.mesh, NO_IMAGES, uses);
-}
-
-/** Numbers of the boards that are the nearest to any line of sight. */
-function sidesFrom({ boards }: ImpostorForm, rows: readonly PlacedRow[], sights: Sights, { visible, eyes }: Outlook): Set<number> {
-  const step = (2 * Math.PI) / boards.length;
-  const found = new Set<number>();
-  rows.forEach(({ object }, n) => {
-    sights[n]!.forEach(([x, y], k) => {
-      if (visible[object * eyes.length + k]! > 0) found.add((Math.round(Math.atan2(y, x) / step) + boards.length) % boards.length);
-    });
-  });
-  return found;
-}
-
-function sideOf({ lower, upper }: Box): number {
-  return Math.hypot(upper[0] - lower[0], upper[1] - lower[1]) * (upper[2] - lower[2]);
+function asPart({ cell, mesh }: MeshPart, resources: readonly Resource[]): Part {
+  return { cell, isGeometry: true, mesh, cells: [], resources };
 }
 
 function pictureOf(cell: Cell, resources: readonly Resource[]): Part {
