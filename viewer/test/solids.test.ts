@@ -178,7 +178,7 @@ describe("what stands in as geometry", () => {
     expect(found.afar.size).toBe(0);
   });
 
-  it("stands behind parts of finer pictures, and behind instances", () => {
+  it("stands behind parts of finer pictures, and where it is beside instances, which it does not show", () => {
     const { root, cell, leafOf } = makeSolidWorld(withStatue);
     hold([leafOf("2/0/0/0")]);
     expect(plan(root, CLOSE).solids).toMatchObject([{ cell: root, holes: HOLE, behind: false }]);
@@ -188,7 +188,7 @@ describe("what stands in as geometry", () => {
     expect(plan(root, CLOSE).solids).toMatchObject([{ behind: false }]);
     hold([cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);
     const found = plan(root, CLOSE);
-    expect(found.solids).toMatchObject([{ behind: true }]);
+    expect(found.solids).toMatchObject([{ behind: false }]);
     expect(found.instances).toHaveLength(1);
   });
 

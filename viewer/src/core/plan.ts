@@ -125,9 +125,8 @@ class Planner {
     for (const cell of found.geometry) this.roles.set(cell, this.view.farOnly ? "left out" : "geometry");
     for (const root of roots) this.place(root);
     this.placeInstances(found);
-    const { geometry, instances, afar, standIns } = this;
+    const { geometry, solids, instances, afar, standIns } = this;
     const pictures = this.pictures.map((draw) => this.behindInstances(draw));
-    const solids = this.solids.map((draw) => this.behindInstances(draw));
     return { cut: found, pictures, geometry, solids, instances, afar, standIns };
   }
 
@@ -244,8 +243,8 @@ class Planner {
     }
   }
 
-  /** What stands in for a cell with instances that are drawn by themselves shows them, too, coarser: it goes behind them. */
-  private behindInstances<Draw extends PictureDraw | SolidDraw>(draw: Draw): Draw {
+  /** Pictures that stand in for a cell with instances that are drawn by themselves show them, too, coarser: they go behind them. */
+  private behindInstances(draw: PictureDraw): PictureDraw {
     const isAbove = !this.roles.has(draw.cell) && this.withInstances.has(draw.cell);
     return isAbove && !draw.behind ? { ...draw, behind: true } : draw;
   }
