@@ -180,7 +180,7 @@ class _Drawing:
         for entry, held in lacking:
             lower, upper = entry.bounds
             is_filling = bool(((boxes[:, :3] <= upper) & (boxes[:, 3:] >= lower)).all(axis=1).any())
-            self._stand_in(entry.cell, bool(held.places) or is_filling, is_filling)
+            self._stand_in(entry.cell, bool(held.places), is_filling)
         for cell, layers in self._cache.cells(wanted, self._options.ids):
             if isinstance(layers, CorruptTileError):
                 self.unreadable += 1
@@ -263,27 +263,26 @@ class _Drawing:
         """Draws the nearest ancestor that can be read, clipped to the cell's box; while tiles lack, those above it too.
 
         As merged geometry, later, where that shows more than what there is of its pictures.
-
         behind: as much farther away as its pixels are apart, so that it does not hide what is there of the cell.
-        is_filling: without wide discs, as they hide instances.
+        is_filling: beside instances, which pictures show as well: behind them, and without wide discs.
         """
-        cell, box = key, self._world.grid.bounds(key)
+        cell, box, world = key, self._world.grid.bounds(key), self._world
         away = box.mean(axis=0) - self._eye
         away /= max(float(np.linalg.norm(away)), 1e-9)
-        while key.level < self._world.grid.top_level:
-            key = self._world.grid.parent(key)
-            moved = away * self._world.grid.pitch(key.level) if behind else None
+        while key.level < world.grid.top_level:
+            key = world.grid.parent(key)
+            moved = away * world.grid.pitch(key.level)
             if self._kinds is not None and self._options.held and self._kinds.stands_in(key, self._options.held):
-                self._merged.append(MergedPart(self._world.entry(key), cell, np.zeros(3) if moved is None else moved))
+                self._merged.append(MergedPart(world.entry(key), cell, moved if behind else 0 * moved))
                 return
             try:
-                whole = self._wanted(self._world.entry(key))
+                whole = self._wanted(world.entry(key))
                 held = self._held(whole)
                 layers = self._cache.layers(held, self._options.ids)
             except (CorruptTileError, KeyError):
                 continue
             if layers:
-                self._splat(held, layers, box, moved, is_filling)
+                self._splat(held, layers, box, moved if behind or is_filling else None, is_filling)
                 if len(held.places) == len(whole.places):
                     return
                 behind = True
