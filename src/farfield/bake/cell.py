@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -31,6 +31,10 @@ class Record(msgspec.Struct, frozen=True):
     """Bytes of its object id tiles."""
     drawn: str = ""
     """Of a leaf: hash of what its pictures were drawn from, its own part of the meshes that reach into it."""
+    opaque: bool = False
+    """Of a leaf: whether its own triangles, those of no shared mesh, have no holes cut out by alpha."""
+    merged: str = ""
+    """Of a cell above the leaves: hash of what its geometry was made from; empty: it may have none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +77,26 @@ class Tally:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What geometry of the cells above has to know of a cell."""
+
+    is_solid: bool = False
+    """Whether all of it but for the instances that its leaves list can be merged."""
+    leaves: int = 1
+    """At and below it."""
+    lists: bool = False
+    """Whether any of these lists instances."""
+
+
 @dataclass(slots=True)
 class BakedCell:
-    """A finished cell: its record, and its tiles as long as its parent may need them."""
+    """A finished cell: its record, and its tiles and geometry as long as its parent may need them."""
 
     key: CellKey
     record: Record
     tally: Tally
+    standing: Standing = Standing()
     index: str = ""
     """Hash of the index tile that it is the top of; empty: it is listed in the tile of a cell above."""
     listed: tuple[CellEntry, ...] = ()
@@ -88,6 +105,8 @@ class BakedCell:
     """None: read them from the store when needed."""
     objects: Tiles | None = None
     """Object id tiles of the first layers, likewise."""
+    files: dict[str, bytes] = field(default_factory=dict)
+    """Its geometry by key; what is not here is in the store."""
 
     @property
     def entries(self) -> tuple[CellEntry, ...]:
@@ -113,9 +132,14 @@ class BakedCell:
                     self.objects[d, 0] = store.get(objects_key(self.key, d, 0, entry.hash))
         return self.objects
 
+    def file_from(self, store: Store, key: str) -> bytes:
+        """A form of its geometry, likewise."""
+        return self.files[key] if key in self.files else store.get(key)
+
     def release(self) -> None:
-        """Forgets the tiles once the parent has them."""
+        """Forgets the tiles and the geometry once the parent has them."""
         self.tiles = self.objects = None
+        self.files = {}
 
 
 def read_record(store: Store, key: CellKey, input_hash: str) -> Record | None:

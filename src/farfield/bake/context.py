@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.bake.instances import make_impostors, make_mesh_levels, shared_meshes
+from farfield.bake.instances import Listing, make_impostors, make_mesh_levels, shared_meshes
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan
 from farfield.bake.survey import MeshCache
@@ -21,6 +21,7 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.draco import NORMAL_BITS
 from farfield.represent.geometry.forms import Form, forms_of
+from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import encode_texture, mesh_glb
 from farfield.represent.materials import MaterialTable, MipCache, TexturePool
 from farfield.scene.model import Material, Scene, Texture
@@ -36,6 +37,8 @@ LEVEL_FINENESS = 4
 mesh, and with normals of LEVEL_NORMAL_BITS, steps of two degrees, a third."""
 LEVEL_NORMAL_BITS = 6
 _TABLES_KEPT = 8
+_IMAGES_BUDGET = 128 << 20
+"""Bytes of decoded images that are kept."""
 _One = TypeVar("_One")
 _Made = TypeVar("_Made")
 
@@ -85,6 +88,7 @@ class BakeContext:
         self.leaf_of: dict[CellKey, int] = {key: i for i, key in enumerate(job.plan.keys())}
         self.shared = shared_meshes(job.scene.instances, job.summaries, self.grid)
         """(meshes,) bool: near geometry refers to it instead of copying it."""
+        self.listing = Listing(self)
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._mips = MipCache()
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
@@ -94,6 +98,7 @@ class BakeContext:
         self._impostors: dict[int, tuple[Impostor, ...]] = {}
         self._mesh_forms: dict[int, tuple[Form, ...]] = {}
         self._mesh_files: dict[tuple[int, int, int], MeshForm] = {}
+        self._decoded: OrderedDict[str, Texture] = OrderedDict()
         self._unstored: dict[str, bytes] = {}
         """Values that were made, and that no leaf has kept yet."""
         self._pixels: WeakKeyDictionary[Texture, bytes] = WeakKeyDictionary()
@@ -215,6 +220,20 @@ class BakeContext:
             self._unstored[mesh_key(name)] = data
             self._mesh_files[place] = MeshForm(name, len(data), len(chunk.triangles), images)
         return self._mesh_files[place]
+
+    def image(self, name: str) -> Texture:
+        """An image of the world as readers decode it; the last ones are kept. Raises CorruptTileError, StoreError."""
+        if name not in self._decoded:
+            key = texture_key(name)
+            self._decoded[name] = decode_texture(self._unstored.get(key) or self.store.get(key), key)
+        self._decoded.move_to_end(name)
+        while len(self._decoded) > 1 and sum(one.pixels.nbytes for one in self._decoded.values()) > _IMAGES_BUDGET:
+            self._decoded.popitem(last=False)
+        return self._decoded[name]
+
+    def table(self, materials: Sequence[Material]) -> MaterialTable:
+        """Of materials that no mesh of the scene has."""
+        return MaterialTable.build(materials, TexturePool(self._mips))
 
     def keep(self, keys: Iterable[str]) -> None:
         """Stores meshes and images that a leaf needs, each once.

@@ -59,6 +59,58 @@ def shared_meshes(instances: Instances, summaries: Sequence[MeshSummary], grid: 
     return shared
 
 
+class Listing:
+    """Which leaves list all that is placed in them, told from the plan alone."""
+
+    def __init__(self, context: BakeContext) -> None:
+        self._context = context
+        self._risky: NDArray[np.bool_] | None = None
+        self._lists: dict[CellKey, bool] = {}
+
+    def has_all(self, position: int) -> bool:
+        """Whether each instance of a shared mesh that reaches into a leaf is listed, in whichever leaf its place is.
+
+        position: of the leaf in the plan. Meshes are loaded only where so much is placed that it may not be listed.
+        """
+        if self._risky is None:
+            self._risky = self._in_crowds()
+        rows = self._shared_in(position)
+        rows = rows[self._risky[rows]]
+        places = np.unique(_places(self._context, rows), axis=0).tolist()
+        return all(self._lists_all(CellKey(0, *place)) for place in places)
+
+    def _lists_all(self, key: CellKey) -> bool:
+        """Whether a leaf has no more places than it may list."""
+        if key not in self._lists:
+            places = _places(self._context, self._shared_in(self._context.leaf_of[key]))
+            self._lists[key] = int((places == key[1:]).all(axis=1).sum()) <= MOST_INSTANCES
+        return self._lists[key]
+
+    def _in_crowds(self) -> NDArray[np.bool_]:
+        """(instances,) which reach into a leaf that more reach into than it may list."""
+        found = np.zeros(len(self._context.job.scene.instances.mesh), np.bool_)
+        for position in range(len(self._context.job.plan.leaves)):
+            rows = self._shared_in(position)
+            if len(rows) > MOST_INSTANCES:
+                found[rows] = True
+        return found
+
+    def _shared_in(self, position: int) -> NDArray[np.int64]:
+        rows = np.unique(self._context.job.plan.rows(position)[0])
+        return np.asarray(rows[self._context.shared[self._context.job.scene.instances.mesh[rows]]], np.int64)
+
+
+def _places(context: BakeContext, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(k, 3) index of the leaf that is the place of each instance."""
+    table = context.job.scene.instances
+    found = np.empty((len(rows), 3))
+    for mesh in np.unique(table.mesh[rows]).tolist():
+        own = table.mesh[rows] == mesh
+        turn = table.transform[rows[own]]
+        found[own] = turn[:, :, :3] @ context.mesh_anchor(mesh) + turn[:, :, 3]
+    return context.grid.leaf_index(found)
+
+
 def instances_in(context: BakeContext, key: CellKey, position: int, shared: Sequence[int]) -> tuple[InstancedMesh, ...]:
     """Instances whose place a leaf is, by mesh, their meshes' levels stored; none when there are more than may be.
 
@@ -70,9 +122,7 @@ def instances_in(context: BakeContext, key: CellKey, position: int, shared: Sequ
     found: list[tuple[int, NDArray[np.int64]]] = []
     for mesh in shared:
         own = rows[table.mesh[rows] == mesh]
-        turn = table.transform[own]
-        places = turn[:, :, :3] @ context.mesh_anchor(mesh) + turn[:, :, 3]
-        own = own[(context.grid.leaf_index(places) == [key.x, key.y, key.z]).all(axis=1)]
+        own = own[(_places(context, own) == [key.x, key.y, key.z]).all(axis=1)]
         if len(own):
             found.append((mesh, own))
     if sum(len(own) for _, own in found) > MOST_INSTANCES:

@@ -1,8 +1,9 @@
-"""Tiles of finished branches, kept by the process that made them until the cell above is composited (OV 4.1)."""
+"""What finished branches have made, kept by the process that made it until the cell above has it (OV 4.1)."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass
 
 from farfield.bake.cell import BakedCell, Tiles
 from farfield.octree.grid import CellKey
@@ -20,35 +21,46 @@ class KeptTiles:
     def __init__(self, budget: int = KEPT_BYTES) -> None:
         self._budget = budget
         self._bytes = 0
-        self._kept: OrderedDict[tuple[CellKey, str], tuple[Tiles, Tiles]] = OrderedDict()
+        self._kept: OrderedDict[tuple[CellKey, str], _Kept] = OrderedDict()
 
     def take_from(self, cell: BakedCell) -> None:
-        """Takes the tiles of a cell that was baked just now, so that the cell can be sent without them."""
-        if cell.tiles is not None and cell.objects is not None:
+        """Takes what a cell has that was baked just now, so that the cell can be sent without it."""
+        if cell.files or (cell.tiles is not None and cell.objects is not None):
             self._forget(cell)
-            self._kept[_name(cell)] = cell.tiles, cell.objects
-            self._bytes += _size(cell.tiles, cell.objects)
+            self._kept[_name(cell)] = kept = _Kept(cell.tiles, cell.objects, cell.files)
+            self._bytes += kept.size
         cell.release()
         while self._bytes > self._budget:
-            _, tiles = self._kept.popitem(last=False)
-            self._bytes -= _size(*tiles)
+            _, kept = self._kept.popitem(last=False)
+            self._bytes -= kept.size
 
     def give_back(self, cell: BakedCell) -> None:
-        """Gives a finished cell its tiles, once, where they are still here."""
-        tiles = self._forget(cell)
-        if tiles is not None:
-            cell.tiles, cell.objects = tiles
+        """Gives a finished cell what it had, once, where it is still here."""
+        kept = self._forget(cell)
+        if kept is not None:
+            cell.tiles, cell.objects, cell.files = kept.tiles, kept.objects, kept.files
 
-    def _forget(self, cell: BakedCell) -> tuple[Tiles, Tiles] | None:
-        tiles = self._kept.pop(_name(cell), None)
-        if tiles is not None:
-            self._bytes -= _size(*tiles)
-        return tiles
+    def _forget(self, cell: BakedCell) -> _Kept | None:
+        kept = self._kept.pop(_name(cell), None)
+        if kept is not None:
+            self._bytes -= kept.size
+        return kept
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Of one cell."""
+
+    tiles: Tiles | None
+    objects: Tiles | None
+    files: dict[str, bytes]
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        parts = (self.tiles, self.objects, self.files)
+        return sum(len(value) for part in parts if part for value in part.values())
 
 
 def _name(cell: BakedCell) -> tuple[CellKey, str]:
     return cell.key, cell.record.entry.hash
-
-
-def _size(*tiles: Tiles) -> int:
-    return sum(len(encoded) for each in tiles for encoded in each.values())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from farfield.bake.cell import BakedCell, Record, Tally, latest_record, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Standing, Tally, latest_record, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
 from farfield.bake.likeness import leaf_errors, places_of, sights_of
@@ -18,7 +18,7 @@ from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, fingerprint, merge, ordered
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.world.index import Bounds, CellEntry, GeometryEntry, InstancedMesh
+from farfield.world.index import Bounds, CellEntry
 from farfield.world.keys import content_hash
 
 Parts = dict[int, list[Chunk]]
@@ -39,10 +39,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     materials = context.materials(tuple(parts))
     chunk = ordered(merge([piece for pieces in parts.values() for piece in pieces]))
     drawn = _drawn_hash(context, chunk, materials)
-    geometry: GeometryEntry | None = None
-    instances: tuple[InstancedMesh, ...] = ()
-    if context.job.options.geometry:
-        geometry, instances = near_geometry(context, key, position, parts, materials)
+    near = near_geometry(context, key, position, parts, materials) if context.job.options.geometry else None
     before = latest_record(context.store, key)
     if before is not None and before.drawn == drawn:
         # A mesh that reaches into the leaf has changed elsewhere.
@@ -63,11 +60,16 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         errors = leaf_errors(sights, chunk, materials.table, pictures, layers)
         pictures = msgspec.structs.replace(pictures, errors=errors)
         object_bytes = tiles.object_bytes
-    output = content_hash(pictures.hash.encode(), geometry.hash.encode() if geometry else b"")
-    entry = msgspec.structs.replace(pictures, geometry=geometry, instances=instances, output=output)
-    finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn)
+    output = content_hash(pictures.hash.encode(), near.entry.hash.encode() if near else b"")
+    entry = msgspec.structs.replace(
+        pictures, geometry=near and near.entry, instances=near.instances if near else (), output=output
+    )
+    opaque = near is not None and near.opaque
+    finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn, opaque)
     write_record(context.store, key, finished)
-    return _finished(context, key, finished, fresh=tiles is not None, tiles=tiles)
+    baked = _finished(context, key, finished, fresh=tiles is not None, tiles=tiles)
+    baked.files = near.files if near else {}
+    return baked
 
 
 def _drawn_hash(context: BakeContext, chunk: Chunk, materials: LeafMaterials) -> str:
@@ -84,7 +86,10 @@ def is_finished(context: BakeContext, key: CellKey) -> bool:
 def _finished(
     context: BakeContext, key: CellKey, record: Record, fresh: bool, tiles: CellTiles | None = None
 ) -> BakedCell:
-    cell = BakedCell(key, record, Tally.of(record.entry, fresh))
+    # Told anew each time: whether a neighbour lists what reaches into this leaf does not depend on the leaf alone.
+    is_solid = record.opaque and context.listing.has_all(context.leaf_of[key])
+    standing = Standing(is_solid, lists=bool(record.entry.instances))
+    cell = BakedCell(key, record, Tally.of(record.entry, fresh), standing)
     if tiles is not None:
         cell.tiles, cell.objects = tiles.encoded, tiles.objects
     close_index_tile(context.store, context.grid, cell)

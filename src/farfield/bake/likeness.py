@@ -2,7 +2,8 @@
 
 Every cell is told an error of its own, so that those who choose between kinds know which is better where (BEN 4.1 has
 functions of size and angle alone). Leaves are compared with their geometry. Of cells above is told what is lost by
-their pictures in the place of each child's: in a street nearly everything, on plain ground nothing.
+their pictures in the place of each child's: in a street nearly everything, on plain ground nothing. Geometry of cells
+above is compared with that of their children.
 """
 
 from __future__ import annotations
@@ -125,14 +126,56 @@ def leaf_errors(
 
     layers: at least those of `places_of`.
     """
+    return _told(_Truth.of(sights, chunk, materials).errors(lambda sight: _splatted(sight, [(entry, layers)])))
 
-    def truth(sight: Sight) -> Frame:
-        frame, shift = sight.empty(), sight.grid.bounds(sight.key)[0] - sight.eye
-        moved = replace(chunk, positions=(chunk.positions + shift).astype(np.float32))
-        GeometryPass(frame, _LIGHT).draw(moved, materials)
-        return frame
 
-    return _told(_errors(sights, truth, (entry, layers)))
+@dataclass(frozen=True, slots=True)
+class FormErrors:
+    """Of forms of a cell's geometry, as the index tells them (GeometryLevel.errors)."""
+
+    truth: _Truth
+    before: tuple[float, float]
+    """Of what the forms are made from, 0 = like the full geometry, in the first view and in the second."""
+
+    @classmethod
+    def against(
+        cls, sights: Iterable[Sight], chunk: Chunk, materials: MaterialTable, before: tuple[float, float]
+    ) -> FormErrors:
+        """chunk: what they are made from, metres from the cell's lower corner."""
+        return cls(_Truth.of(sights, chunk, materials), before)
+
+    def of(self, chunk: Chunk, materials: MaterialTable) -> tuple[int, ...]:
+        """Of a form; of what is too small to be seen those of what it is made from."""
+        found = self.truth.errors(lambda sight: _drawn(sight, chunk, materials)) or [0.0, 0.0]
+        return _told([math.hypot(*both) for both in zip(found, self.before, strict=True)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Truth:
+    """A cell's triangles from all sides, from far and from near; without those from where there is nothing."""
+
+    views: tuple[tuple[Sight, Frame, Sight, Frame], ...]
+
+    @classmethod
+    def of(cls, sights: Iterable[Sight], chunk: Chunk, materials: MaterialTable) -> _Truth:
+        """chunk: metres from the lower corner of the cell."""
+        found = []
+        for sight in sights:
+            far = _drawn(sight, chunk, materials)
+            close = sight.nearer(far)
+            if close is not None:
+                found.append((sight, far, close, _drawn(close, chunk, materials)))
+        return cls(tuple(found))
+
+    def errors(self, shown: Callable[[Sight], Frame]) -> list[float]:
+        """From far and from near, mean of the sides; none: there is nothing to be seen."""
+        found: list[tuple[float, float]] = []
+        for sight, true, close, true_close in self.views:
+            far = _unlike(true, shown(sight))
+            if far is not None:
+                near = _unlike(true_close, shown(close))
+                found.append((far, far if near is None else near))
+        return np.mean(found, axis=0).tolist() if found else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,16 +220,12 @@ def _loss(sight: Sight, cell: tuple[CellEntry, Layers], child: tuple[CellEntry, 
     return _unlike(_splatted(close, [child]), _splatted(close, [cell], grid.bounds(key)))
 
 
-def _errors(sights: Iterable[Sight], truth: Callable[[Sight], Frame], shown: tuple[CellEntry, Layers]) -> list[float]:
-    """From far and from near, mean of the sides; none: there is nothing to be seen."""
-    found: list[tuple[float, float]] = []
-    for sight in sights:
-        true = truth(sight)
-        far, close = _unlike(true, _splatted(sight, [shown])), sight.nearer(true)
-        if far is not None and close is not None:
-            near = _unlike(truth(close), _splatted(close, [shown]))
-            found.append((far, far if near is None else near))
-    return np.mean(found, axis=0).tolist() if found else []
+def _drawn(sight: Sight, chunk: Chunk, materials: MaterialTable) -> Frame:
+    """chunk: metres from the lower corner of the cell."""
+    frame, shift = sight.empty(), sight.grid.bounds(sight.key)[0] - sight.eye
+    moved = replace(chunk, positions=(chunk.positions + shift).astype(np.float32))
+    GeometryPass(frame, _LIGHT).draw(moved, materials)
+    return frame
 
 
 def _splatted(sight: Sight, cells: Iterable[tuple[CellEntry, Layers]], box: NDArray[np.float64] | None = None) -> Frame:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,21 @@ class _Part:
     count: int = 1
 
 
+@dataclass(frozen=True, slots=True)
+class NearGeometry:
+    """What a leaf has."""
+
+    entry: GeometryEntry
+    instances: tuple[InstancedMesh, ...]
+    files: dict[str, bytes]
+    """Its forms by key."""
+    opaque: bool
+    """See Record.opaque."""
+
+
 def near_geometry(
     context: BakeContext, key: CellKey, position: int, parts: dict[int, list[Chunk]], materials: LeafMaterials
-) -> tuple[GeometryEntry, tuple[InstancedMesh, ...]]:
+) -> NearGeometry:
     """Stores a leaf's geometry in all its forms, and what is placed in it. parts: mesh -> its clipped pieces."""
     own = [piece for mesh, pieces in parts.items() if not context.shared[mesh] for piece in pieces]
     shared = [mesh for mesh in parts if context.shared[mesh]]
@@ -48,15 +60,17 @@ def near_geometry(
     full, data = made.form(chunk, 0, 0)
     made.keep(full, data)
     instances = instances_in(context, key, position, shared)
+    opaque = chunk is None or all(materials.materials[n].alpha_cutoff is None for n in np.unique(chunk.materials))
     if _size(full) <= FEWEST_BYTES:
-        return _entry(full, ()), instances
+        return NearGeometry(_entry(full, ()), instances, made.files, opaque)
     forms: tuple[Form, ...] = forms_of(chunk, materials.table) if chunk is not None else ()
     listed = [_Part(forms, forms[0].extent)] if forms else []
     for mesh in shared:
         scale = np.cbrt(np.abs(np.linalg.det(_transforms(context, position, mesh)[:, :, :3])))
         of = context.mesh_forms(mesh)
         listed.append(_Part(of, float(of[0].extent * scale.mean()), len(scale)))
-    return _entry(full, made.levels(full, listed, context.grid.pitch(0))), instances
+    levels = made.levels(full, listed, context.grid.pitch(0))
+    return NearGeometry(_entry(full, levels), instances, made.files, opaque)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +82,8 @@ class _Made:
     position: int
     shared: Sequence[int]
     materials: LeafMaterials
+    files: dict[str, bytes] = field(default_factory=dict)
+    """What is kept, by key."""
 
     def form(
         self, chunk: Chunk | None, shape: int, halvings: int, errors: tuple[int, ...] = ()
@@ -92,6 +108,7 @@ class _Made:
     def keep(self, form: GeometryLevel, data: bytes) -> None:
         """Stores one, with all that it needs."""
         self.context.keep(key for key, _ in form_values(self.key, form))
+        self.files[geometry_key(self.key, form.hash)] = data
         self.context.store.put(geometry_key(self.key, form.hash), data)
 
     def levels(self, full: GeometryLevel, parts: Sequence[_Part], pitch: float) -> tuple[GeometryLevel, ...]:

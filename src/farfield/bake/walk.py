@@ -1,4 +1,4 @@
-"""Depth-first walk of a subtree: leaves are drawn, parents composited from their children (OV 4.1).
+"""Depth-first walk of a subtree: leaves are drawn, parents composited from their children (OV 4.1), and merged.
 
 At any moment the tiles of one cell per level and its finished siblings are in memory, and each orthoview is written
 once; none is read back but those of cells that an earlier bake made and this one has not changed.
@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import msgspec
 
-from farfield.bake.cell import BakedCell, Record, Tally, Tiles, read_record, write_record
+from farfield.bake.cell import BakedCell, Record, Tally, Tiles, latest_record, write_record
 from farfield.bake.context import BakeContext
+from farfield.bake.hlod import merged_geometry, standing_of
 from farfield.bake.index import close_index_tile
 from farfield.bake.leaf import bake_leaf
 from farfield.bake.likeness import Layers, Sight, parent_errors, places_of, sights_of
@@ -48,11 +49,12 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     box = context.grid.bounds(key).tobytes()
     pictures = (f"{c.key} {c.record.entry.hash}".encode() for c in below)
     source = content_hash(context.job.signature.encode(), box, *pictures)
-    before = read_record(context.store, key, source)
-    fresh = before is None
+    before = latest_record(context.store, key)
+    bounds = _union([c.record.entry.bounds for c in below])
+    merged = merged_geometry(context, key, below, bounds, before)
+    fresh = before is None or before.input != source
     tiles = objects = None
-    if before is None:
-        bounds = _union([c.record.entry.bounds for c in below])
+    if before is None or fresh:
         sights = sights_of(context.grid, key, bounds)
         built, theirs = _composite(context, key, below, sights)
         entry = CellEntry(
@@ -71,14 +73,24 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         tiles, objects = built.encoded, built.objects
     else:
         entry, object_bytes = before.entry, before.object_bytes
-    record = Record(source, _over(entry, below), 0, object_bytes)
+    entry = msgspec.structs.replace(entry, geometry=merged.geometry)
+    record = Record(source, _over(entry, below), 0, object_bytes, merged=merged.input)
     if record != before:
         write_record(context.store, key, record)
     tally = Tally.sum([Tally.of(record.entry, fresh), *(cell.tally for cell in below)])
     listed = tuple(entry for cell in below for entry in cell.entries)
     for cell in below:
         cell.release()
-    baked = BakedCell(key, record, tally, listed=listed, tiles=tiles, objects=objects)
+    baked = BakedCell(
+        key,
+        record,
+        tally,
+        standing_of(below, merged),
+        listed=listed,
+        tiles=tiles,
+        objects=objects,
+        files=merged.files,
+    )
     close_index_tile(context.store, context.grid, baked)
     return baked
 
@@ -121,11 +133,12 @@ def _decoded(context: BakeContext, cell: BakedCell, encoded: Tiles, objects: Til
 def _over(entry: CellEntry, below: Sequence[BakedCell]) -> CellEntry:
     """The entry of a cell above these children, whose near geometry may change without their pictures."""
     outputs = [cell.record.entry.output.encode() for cell in below]
+    forms = [form.hash.encode() for form in (entry.geometry.forms if entry.geometry else ())]
     return msgspec.structs.replace(
         entry,
         bounds=_union([cell.record.entry.bounds for cell in below]),
         children=tuple(str(cell.key) for cell in below),
-        output=content_hash(entry.hash.encode(), *outputs),
+        output=content_hash(entry.hash.encode(), *forms, *outputs),
     )
 
 

@@ -48,6 +48,8 @@ MESH_FARTHEST = 4.0
 Error = Annotated[int, Meta(ge=0, le=255)]
 MOST_INSTANCES = 16
 """Instances that a leaf lists: where there are more, they are known from its geometry alone."""
+MOST_LISTING = 256
+"""Leaves below a cell that has geometry, where any of them lists instances: readers place these one by one."""
 MOST_SIDES = 32
 """Images of an impostor."""
 
@@ -56,7 +58,7 @@ Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
 
 
 class GeometryLevel(msgspec.Struct, frozen=True):
-    """A form of a leaf's geometry, which shows it without any of the others."""
+    """A form of a cell's geometry, which shows it without any of the others."""
 
     hash: Hash
     bytes: Count
@@ -67,13 +69,14 @@ class GeometryLevel(msgspec.Struct, frozen=True):
     textures: tuple[tuple[Hash, Count], ...] = ()
     """Hash and bytes of each image that it and those meshes need."""
     errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
-    """How unlike the full geometry it looks, 255 = as nothing, see ERROR_SPACING; none: it is the full geometry."""
+    """How unlike the full geometry it looks, 255 = as nothing, see ERROR_SPACING; none: it is the full geometry. Above
+    the leaves the first view is that of FARTHEST."""
     drawn: Count = 0
     """Triangles with those of its instances, which are drawn whole; 0: older worlds do not tell."""
 
 
 class GeometryEntry(GeometryLevel, frozen=True):
-    """Near geometry of a leaf."""
+    """Near geometry of a leaf, or what lies below a cell, merged and simplified (HLOD), without listed instances."""
 
     levels: Annotated[tuple[GeometryLevel, ...], Meta(max_length=16)] = ()
     """The same with fewer triangles and smaller images, from fine to coarse."""

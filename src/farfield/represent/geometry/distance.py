@@ -7,17 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.kernels.nearest import distances, fill_cells
+from farfield.kernels.nearest import distances
 from farfield.represent.chunk import Chunk
+from farfield.represent.geometry.triangle_grid import TriangleGrid
 
 SAMPLES = 4096
 """Points on each surface."""
 PERCENTILE = 90.0
 """Of the distances: the farthest tenth of a surface is often what nobody sees, such as the inside of a base."""
 _MOST_CELLS = 32
-"""Along the longest axis."""
-_CROWD = 8
-"""Entries of the grid a triangle, at most on average."""
+"""Of the grid, along the longest axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,39 +25,18 @@ class SampledSurface:
 
     samples: NDArray[np.float64]
     """(SAMPLES, 3) metres; (0, 3) for one without area."""
-    points: NDArray[np.float64]
-    triangles: NDArray[np.uint32]
-    low: NDArray[np.float64]
-    size: float
-    shape: NDArray[np.int64]
-    start: NDArray[np.int64]
-    inside: NDArray[np.uint32]
-    """The grid, see `fill_cells`."""
+    grid: TriangleGrid
 
     @classmethod
     def of(cls, chunk: Chunk) -> SampledSurface:
         """Of its triangles."""
-        points, triangles = chunk.positions.astype(np.float64), chunk.triangles
-        used = points[triangles.ravel()] if len(triangles) else np.zeros((1, 3))
-        low = used.min(axis=0)
-        across = used.max(axis=0) - low
-        cells = min(_MOST_CELLS, max(1, round(len(triangles) ** 0.5)))
-        while True:
-            size = max(float(across.max()), 1e-12) / cells
-            shape = np.maximum(np.ceil(across / size), 1).astype(np.int64)
-            start = np.empty(int(shape.prod()) + 1, np.int64)
-            entries = fill_cells(points, triangles, low, size, shape, start, np.empty(0, np.uint32))
-            if entries <= _CROWD * len(triangles) or cells == 1:
-                break
-            cells //= 2
-        inside = np.empty(entries, np.uint32)
-        fill_cells(points, triangles, low, size, shape, start, inside)
-        return cls(_spread_over(points, triangles), points, triangles, low, size, shape, start, inside)
+        points = chunk.positions.astype(np.float64)
+        return cls(_spread_over(points, chunk.triangles), TriangleGrid.of(points, chunk.triangles, _MOST_CELLS))
 
     def distances(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
         """(k,) metres from each of (k, 3) points to the nearest triangle; there must be one."""
-        found = np.empty(len(samples))
-        distances(self.points, self.triangles, self.low, self.size, self.shape, self.start, self.inside, samples, found)
+        found, grid = np.empty(len(samples)), self.grid
+        distances(grid.points, grid.triangles, grid.low, grid.size, grid.shape, grid.start, grid.inside, samples, found)
         return found
 
 

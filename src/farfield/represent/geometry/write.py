@@ -69,11 +69,15 @@ def leaf_glb(
     materials: Sequence[Material],
     placed: Sequence[PlacedMesh],
     image: Callable[[Material], str],
+    *,
+    bits: int = LEAF_BITS,
+    normal_bits: int = NORMAL_BITS,
 ) -> bytes:
-    """Packed GLB of a leaf: its own triangles (positions relative to the lower corner) and its list of instances.
+    """Packed GLB of a cell: its own triangles (positions relative to the lower corner) and its list of instances.
 
-    size: of the leaf, metres. image: hash of a material's image. All leaves round positions alike, so what they share
-    at their walls stays together.
+    size: of the cell, metres. image: hash of a material's image. bits: of positions. normal_bits: of each coordinate of
+    a normal's octahedron. All leaves round positions alike, and all cells of a level, so what they share at their walls
+    stays together.
     """
     writer = GlbWriter()
     notes: dict[str, Any] = {"cell": str(cell)}
@@ -82,7 +86,7 @@ def leaf_glb(
         # Features are numbered within the file: a float32, which glTF has for them, tells only 2^24 numbers apart.
         ids, numbers = np.unique(chunk.objects, return_inverse=True)
         numbered = replace(chunk, objects=numbers.astype(np.uint32))
-        rounding = _Rounding(Lattice((0.0, 0.0, 0.0), size, LEAF_BITS))
+        rounding = _Rounding(Lattice((0.0, 0.0, 0.0), size, bits), normal_bits)
         nodes = _add_mesh(writer, numbered, materials, rounding, lambda one: _LEAF_TEXTURES + image(one))
         notes["objects"] = writer.accessor(ids.astype(np.uint32))
     notes["instances"] = [
@@ -149,6 +153,7 @@ def _primitive(
     vertices, owners = keys & 0xFFFFFFFF, keys >> 32
     texture = material.texture if len(chunk.uvs) else None
     uvs = None if texture is None else chunk.uvs[vertices].astype(np.float32)
+    colors = chunk.colors[vertices] if len(chunk.colors) else chunk.colors
     uv_bits = 0
     if texture is not None and uvs is not None:
         uv_bits = _bits(float(np.ptp(uvs, axis=0).max()) * max(texture.pixels.shape[:2]) * _TEXEL_STEPS)
@@ -158,7 +163,7 @@ def _primitive(
             chunk.normals[vertices],
             owners.astype(np.uint32),
             uvs,
-            _linear16(chunk.colors[vertices]) if len(chunk.colors) else None,
+            _linear16(colors) if (colors != 255).any() else None,
         ),
         triangles.reshape(-1, 3).astype(np.uint32),
         rounding.lattice,
