@@ -21,6 +21,7 @@ from farfield.represent.geometry.hlod import ColoredSurface, MergedForm, colored
 from farfield.represent.geometry.levels import FEWEST, SMALLER, STEP
 from farfield.represent.geometry.read import read_leaf_glb
 from farfield.represent.geometry.reduction import reduced
+from farfield.represent.geometry.walls import Walls
 from farfield.represent.geometry.write import LEAF_BITS, encode_texture, leaf_glb
 from farfield.represent.materials import MaterialTable
 from farfield.scene.model import Material, Mesh
@@ -31,8 +32,11 @@ from farfield.world.reach import form_values
 FORMS = 3
 PIXELS_A_TRIANGLE = 8
 """Of a cell's picture from one side, for a triangle of the finest form."""
-SPARE = 2
-"""Times the triangles that a cell keeps of a child that the child has at least."""
+SQUARE = 4
+"""Texels along a side of the squares of which a corner on a wall is kept: about as far as triangles reach."""
+SPARE = 16
+"""Times the triangles that a cell keeps of a child that the child has at least: levels of leaves do not quite meet at
+their walls."""
 UNLIKE = 0.1
 """Error of a leaf's form, from where a pixel is as wide as one of its pictures, beyond which a finer one is merged."""
 PARTS = 16
@@ -139,14 +143,16 @@ class _Maker:
         first, second = np.average([one.errors for one in sources], axis=0, weights=weights).tolist()
         errors = FormErrors.against(sights_of(grid, self.key, bounds), chunk, materials, (first, second))
         surface, shape = ColoredSurface.of(chunk, materials), plain_shape(chunk, materials)
+        walls = Walls(grid.cell_size(self.key.level), _side(grid, self.key) / ((1 << _bits(grid, self.key)) - 1))
         found: list[GeometryLevel] = []
         files: dict[str, bytes] = {}
         for number in range(FORMS):
-            shape = reduced(shape, triangles // STEP**number)
+            texel = grid.pitch(self.key.level) * 2**number
+            gathered = walls.gathered(shape, SQUARE * texel)
+            shape = walls.with_normals(reduced(gathered.chunk, triangles // STEP**number, gathered.fixed), gathered)
             count = len(shape.triangles)
             if not count or (found and not FEWEST <= count <= SMALLER * found[-1].triangles):
                 break
-            texel = grid.pitch(self.key.level) * 2**number
             form, data = self._encoded(colored(shape, surface, texel, TEXELS * (grid.resolution >> number) ** 2))
             read = read_leaf_glb(data, geometry_key(self.key, form.hash), context.image).mesh
             told = errors.of(chunk_of(read), MaterialTable.build(read.materials)) if read is not None else None

@@ -27,15 +27,23 @@ PART = 0.25
 """A part goes when this times its area over its length is below the error: of a tube or a ball 1.6 radii."""
 
 
-def reduced(chunk: Chunk, triangles: int) -> Chunk:
+FIRM = 1e9
+"""What a fixed place counts as that has moved, in areas of the mesh's box: it never moves by a millionth of that."""
+DEAREST = 10.0
+"""Price of an edge, squared sizes of the mesh, from which on it would move a fixed place."""
+
+
+def reduced(chunk: Chunk, triangles: int, fixed: NDArray[np.bool_] | None = None) -> Chunk:
     """About as many triangles as asked for, never more than there are; more when their shape needs them.
 
-    Each object keeps its largest part. Needs 500 bytes a triangle.
+    Each object keeps its largest part. fixed: (n,) vertices that stay where they are. Needs 500 bytes a triangle.
     """
     wedges = Wedges.of(chunk)
     if not len(wedges.triangles):
         return wedges.rebuilt(wedges.triangles, wedges.sums(), wedges.points, chunk.uvs)
     work = _Work.begun(wedges)
+    if fixed is not None:
+        work.fix(fixed)
     while (unwanted := len(work.triangles) - triangles) > 0:
         is_stuck = work.collapse_edges(triangles) < STUCK * unwanted
         left_out = work.leave_out_parts(triangles, np.inf if is_stuck else work.worst)
@@ -105,6 +113,15 @@ class _Work:
             slopes, wedges.sums(),
         )  # fmt: skip
 
+    def fix(self, vertices: NDArray[np.bool_]) -> None:
+        """Makes the places of some vertices of the chunk stay."""
+        chosen = np.zeros(len(self.points), np.bool_)
+        chosen[self.wedges.places[vertices[self.wedges.vertices]]] = True
+        points = self.points[chosen]
+        self.shapes[chosen, :3] += FIRM
+        self.shapes[chosen, 6:9] -= FIRM * points
+        self.shapes[chosen, 9] += FIRM * (points**2).sum(axis=1)
+
     def collapse_edges(self, wanted: int) -> int:
         """A pass over all edges. Returns how many triangles went."""
         wedges, before = self.wedges, len(self.triangles)
@@ -173,8 +190,9 @@ def _single(wedges: Wedges, triangles: NDArray[np.uint32]) -> NDArray[np.uint8]:
 def _cheapest(prices: NDArray[np.float64], unwanted: int) -> tuple[NDArray[np.int64], float]:
     """Edges in the order of their prices, and the highest to pay in this pass. An edge takes two triangles away."""
     order = np.argsort(prices, kind="stable")
+    order = order[: np.searchsorted(prices[order], DEAREST)]
     last = min(max(unwanted // 2, 1), len(order)) - 1
-    return order, float(prices[order[last]]) * OVERSHOOT if len(order) else 0.0
+    return order, min(float(prices[order[last]]) * OVERSHOOT, DEAREST) if len(order) else 0.0
 
 
 def _part_sizes(wedges: Wedges, component: NDArray[np.int64]) -> NDArray[np.float64]:
