@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ PART = 0.25
 
 
 FIRM = 1e9
-"""What a fixed place counts as that has moved, in areas of the mesh's box: it never moves by a millionth of that."""
+"""What a fixed place counts as, in parts of a face as large as the mesh's box."""
 DEAREST = 10.0
 """Price of an edge, squared sizes of the mesh, from which on it would move a fixed place."""
 
@@ -78,6 +78,8 @@ class _Work:
     """See `sum_quadrics`."""
     sums: NDArray[np.float64]
     """See `Wedges.sums`."""
+    fixed: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    """Places that stay."""
     worst: float = 0.0
     """Error of the dearest edge collapsed, in sizes of the mesh."""
 
@@ -115,8 +117,7 @@ class _Work:
 
     def fix(self, vertices: NDArray[np.bool_]) -> None:
         """Makes the places of some vertices of the chunk stay."""
-        chosen = np.zeros(len(self.points), np.bool_)
-        chosen[self.wedges.places[vertices[self.wedges.vertices]]] = True
+        self.fixed = chosen = np.unique(self.wedges.places[vertices[self.wedges.vertices]])
         points = self.points[chosen]
         self.shapes[chosen, :3] += FIRM
         self.shapes[chosen, 6:9] -= FIRM * points
@@ -139,6 +140,8 @@ class _Work:
             self.slopes, self.sums, start, around, prices, moved, onto, order, most, before - wanted,
             np.zeros(len(self.points), np.uint8), went, became,
         )  # fmt: skip
+        # What went onto them has pulled at them, by less than a millionth.
+        self.points[self.fixed] = self.begun_at[self.fixed]
         self.worst = max(self.worst, float(np.sqrt(most)))
         triangles = became[self.triangles]
         self._keep(triangles, distinct(wedges.places[triangles]))
