@@ -117,7 +117,7 @@ class _Work:
 
     def fix(self, vertices: NDArray[np.bool_]) -> None:
         """Makes the places of some vertices of the chunk stay."""
-        self.fixed = chosen = np.unique(self.wedges.places[vertices[self.wedges.vertices]])
+        self.fixed = chosen = np.unique(self.wedges.places[vertices[self.wedges.vertices]]).astype(np.int64)
         points = self.points[chosen]
         self.shapes[chosen, :3] += FIRM
         self.shapes[chosen, 6:9] -= FIRM * points
