@@ -11,7 +11,7 @@ import pytest
 
 from bake.scenes import box, contents, ground, quad_mesh, scene_of, village
 from farfield.bake.bake import bake
-from farfield.bake.hlod import chunk_of
+from farfield.bake.hlod import FORMS, chunk_of
 from farfield.bake.likeness import Sight, sights_of
 from farfield.bake.options import BakeOptions
 from farfield.bake.repair import forget
@@ -173,14 +173,17 @@ def test_neighbours_meet(world: World) -> None:
             continue
         assert entry.geometry is not None
         assert other.geometry is not None
-        for one, two in zip(entry.geometry.forms, other.geometry.forms, strict=False):
+        both = entry.geometry.forms, other.geometry.forms
+        # Of cells that lack a form the others are not those of the same fineness.
+        each = 1 if any(len(forms) < FORMS for forms in both) else FORMS
+        for one, two in zip(*(forms[:each] for forms in both), strict=True):
             width = grid.cell_size(key.level)[0]
             left, right = (read(world.store, cell, form).positions for cell, form in ((key, one), (beside, two)))
             on_left = np.unique(left[left[:, 0] > width * (1 - 1e-6)][:, 1:].round(4), axis=0)
             on_right = np.unique(right[right[:, 0] == 0][:, 1:].round(4), axis=0)
             np.testing.assert_array_equal(on_left, on_right)
             checked += len(on_left)
-    assert checked > 20
+    assert checked > 10
 
 
 def test_what_is_unlit_stays_so(world: World) -> None:

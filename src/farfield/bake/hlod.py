@@ -18,7 +18,7 @@ from farfield.bake.likeness import FARTHER, FormErrors, sights_of
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.chunk import Chunk, merge
 from farfield.represent.geometry.hlod import ColoredSurface, MergedForm, colored, plain_shape
-from farfield.represent.geometry.levels import FEWEST, SMALLER, STEP
+from farfield.represent.geometry.levels import SMALLER, STEP
 from farfield.represent.geometry.read import read_leaf_glb
 from farfield.represent.geometry.reduction import reduced
 from farfield.represent.geometry.walls import Walls
@@ -136,7 +136,7 @@ class _Maker:
     def made(
         self, sources: Sequence[_Source], bounds: Bounds, triangles: int
     ) -> tuple[GeometryEntry | None, dict[str, bytes]]:
-        """From fine to coarse, as long as each has much fewer triangles than the one before and shows something."""
+        """From fine to coarse, those that take much fewer bytes than the one before and show something."""
         context, grid = self.context, self.context.grid
         chunk, materials = _merged(context, self.key, sources)
         weights = [one.form.triangles for one in sources]
@@ -150,10 +150,11 @@ class _Maker:
             texel = grid.pitch(self.key.level) * 2**number
             gathered = walls.gathered(shape, SQUARE * texel)
             shape = walls.with_normals(reduced(gathered.chunk, triangles // STEP**number, gathered.fixed), gathered)
-            count = len(shape.triangles)
-            if not count or (found and not FEWEST <= count <= SMALLER * found[-1].triangles):
+            if not len(shape.triangles):
                 break
             form, data = self._encoded(colored(shape, surface, texel, TEXELS * (grid.resolution >> number) ** 2))
+            if found and _size(form) > SMALLER * _size(found[-1]):
+                continue
             read = read_leaf_glb(data, geometry_key(self.key, form.hash), context.image).mesh
             told = errors.of(chunk_of(read), MaterialTable.build(read.materials)) if read is not None else None
             if told is None or told[0] > 255 * WORST:
@@ -181,6 +182,11 @@ class _Maker:
         )  # fmt: skip
         count = len(merged.chunk.triangles)
         return GeometryLevel(content_hash(data), len(data), count, textures=tuple(sorted(images.items()))), data
+
+
+def _size(form: GeometryLevel) -> int:
+    """Bytes of all that it needs."""
+    return form.bytes + sum(size for _, size in form.textures)
 
 
 def _entry(found: Sequence[GeometryLevel]) -> GeometryEntry | None:
