@@ -163,7 +163,7 @@ def test_neighbours_keep_the_same_corners() -> None:
             shape = walls.with_normals(reduced(gathered.chunk, triangles, gathered.fixed), gathered)
             assert len(shape.triangles) <= 1.25 * triangles
             at = shape.positions[:, 0] == wall
-            assert 5 < at.sum() <= 2 * 2 / square
+            assert 5 < at.sum() <= 3 * 2 / square
             assert np.unique(shape.positions[at], axis=0).shape[0] == at.sum()
             seen.append(np.unique(np.concatenate([shape.positions[at, 1:], shape.normals[at]], axis=1), axis=0))
         np.testing.assert_array_equal(*seen)

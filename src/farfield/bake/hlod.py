@@ -159,6 +159,8 @@ class _Maker:
             told = errors.of(chunk_of(read), MaterialTable.build(read.materials)) if read is not None else None
             if told is None or told[0] > 255 * WORST:
                 break
+            if found:
+                told = tuple(map(max, told, found[-1].errors))
             form = GeometryLevel(form.hash, form.bytes, form.triangles, 0, (), form.textures, told, form.triangles)
             context.keep(key for key, _ in form_values(self.key, form))
             files[geometry_key(self.key, form.hash)] = data

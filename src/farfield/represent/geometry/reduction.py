@@ -36,7 +36,8 @@ DEAREST = 10.0
 def reduced(chunk: Chunk, triangles: int, fixed: NDArray[np.bool_] | None = None) -> Chunk:
     """About as many triangles as asked for, never more than there are; more when their shape needs them.
 
-    Each object keeps its largest part. fixed: (n,) vertices that stay where they are. Needs 500 bytes a triangle.
+    Each object keeps its largest part. fixed: (n,) vertices that stay where they are, and with them their parts. Needs
+    500 bytes a triangle.
     """
     wedges = Wedges.of(chunk)
     if not len(wedges.triangles):
@@ -116,12 +117,14 @@ class _Work:
         )  # fmt: skip
 
     def fix(self, vertices: NDArray[np.bool_]) -> None:
-        """Makes the places of some vertices of the chunk stay."""
+        """Makes the places of some vertices of the chunk stay, and the parts that have any: such as ground."""
         self.fixed = chosen = np.unique(self.wedges.places[vertices[self.wedges.vertices]]).astype(np.int64)
         points = self.points[chosen]
         self.shapes[chosen, :3] += FIRM
         self.shapes[chosen, 6:9] -= FIRM * points
         self.shapes[chosen, 9] += FIRM * (points**2).sum(axis=1)
+        holds = np.isin(self.wedges.places[self.triangles], chosen).any(axis=1)
+        self.sizes[self.component[holds]] = np.inf
 
     def collapse_edges(self, wanted: int) -> int:
         """A pass over all edges. Returns how many triangles went."""

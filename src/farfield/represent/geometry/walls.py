@@ -2,7 +2,7 @@
 
 Each cell is simplified by itself. Where each chose by itself what to keep of the lines along which the walls cut it,
 cracks would open, wide ones in coarse forms. So it is chosen by place alone: the corners on a wall are gathered in
-squares, one of each is kept, and stays where it is.
+squares (or what is flatter), one of each is kept, and stays where it is.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from farfield.represent.chunk import Chunk
 
+FLATTER = 4.0
+"""Times that squares are longer than high: ground is not to be pulled up to the houses on it, nor they down."""
 ALIKE = 0.7
 """Cosine between normals, 45 degrees, up to which a corner takes the normal that its neighbour gives it too."""
 
@@ -28,7 +30,7 @@ class Walls:
     """Metres that positions are rounded to in the end."""
 
     def gathered(self, chunk: Chunk, square: float) -> Gathered:
-        """A chunk with fewer corners on the walls. square: metres along a side of what one is kept of."""
+        """A chunk with fewer corners on the walls. square: metres along a level side of what one is kept of."""
         positions = chunk.positions.astype(np.float64)
         side = self._side(positions)
         on_wall: NDArray[np.bool_] = np.asarray(side.any(axis=1))
@@ -36,7 +38,7 @@ class Walls:
         if not len(rows):
             return Gathered(chunk, on_wall, np.empty((0, 3), np.int64), np.empty((0, 3), np.float32))
         steps = self._steps(positions[rows], side[rows])
-        at = positions[rows] / square
+        at = positions[rows] / (square * np.array([1.0, 1.0, 1 / FLATTER]))
         cell = np.where(side[rows] > 0, -side[rows].astype(np.int64), np.floor(at).astype(np.int64))
         # What is nearest to the middle of its square; neighbours see the same numbers.
         off = np.where(side[rows] > 0, 0.0, np.abs(at - np.floor(at) - 0.5)).max(axis=1).round(6)
