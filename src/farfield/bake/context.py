@@ -244,3 +244,8 @@ class BakeContext:
             data = self._unstored.pop(key, None)
             if data is not None and not self.store.exists(key):
                 self.store.put(key, data)
+
+    def discard(self, keys: Iterable[str]) -> None:
+        """Forgets values that were made and are not wanted."""
+        for key in keys:
+            self._unstored.pop(key, None)

@@ -154,10 +154,12 @@ class _Maker:
                 break
             form, data = self._encoded(colored(shape, surface, texel, TEXELS * (grid.resolution >> number) ** 2))
             if found and _size(form) > SMALLER * _size(found[-1]):
+                context.discard(key for key, _ in form_values(self.key, form))
                 continue
             read = read_leaf_glb(data, geometry_key(self.key, form.hash), context.image).mesh
             told = errors.of(chunk_of(read), MaterialTable.build(read.materials)) if read is not None else None
             if told is None or told[0] > 255 * WORST:
+                context.discard(key for key, _ in form_values(self.key, form))
                 break
             if found:
                 told = tuple(map(max, told, found[-1].errors))
