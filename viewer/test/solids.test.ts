@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { Cell, SharedMeshes } from "../src/core/cell.js";
-import { errorAt, formsOf } from "../src/core/cellforms.js";
+import { accuracyOf, formsOf } from "../src/core/cellforms.js";
 import type { CellKey } from "../src/core/grid.js";
 import { heldForm } from "../src/core/heldform.js";
 import { COVERED, HOLE, spread, type Holes } from "../src/core/holes.js";
@@ -54,14 +54,15 @@ describe("geometry of cells above the leaves", () => {
   it("comes after what the leaves below are together, with errors from where a pixel is two of its own wide", () => {
     const { root, cell, leafOf } = makeSolidWorld();
     const all = formsOf(cell("1/0/0/0"), GRID.resolution);
-    expect(all.map(({ level, own, far, farthest }) => [level, own, far, farthest])).toEqual([
-      [0, false, true, 1], [32, true, true, 4], [33, true, true, 4],
-    ]);
+    expect(all.map(({ level, own, far }) => [level, own, far])).toEqual([[0, false, true], [32, true, true], [33, true, true]]);
     expect(all[1]).toMatchObject({ leaves: [cell("1/0/0/0").forms[0]], resources: [leafOf("1/0/0/0")], listed: [] });
     expect([...all[1]!.images]).toEqual([["33", 90]]);
-    expect(errorAt({ told: [0, 1, 1] }, 1, 2, 4)).toBeCloseTo(0.5, 12);
+    const shows = (width: number): number => accuracyOf({ ...all[1]!, told: [0, 0.5, 0.75] }, cell("1/0/0/0"), 1, width);
+    expect([8, 4, 2, 1, 0.25].map(shows)).toEqual([1, 1, 0.75, 0.5, 0.25]);
+    // Nearer than is told it is seen to be simple.
+    expect(shows(1 / 16)).toBeCloseTo(0, 12);
     cell("1/1/1/0").children = null;
-    expect(formsOf(root, GRID.resolution).map(({ level, farthest }) => [level, farthest])).toEqual([[32, 8], [33, 8]]);
+    expect(formsOf(root, GRID.resolution).map(({ level }) => level)).toEqual([32, 33]);
     const { told } = formsOf(cell("0/0/0/0"), GRID.resolution)[0]!;
     expect(told).toEqual([0, 0, 0]);
   });
@@ -192,14 +193,20 @@ describe("what stands in as geometry", () => {
     expect(found.instances).toHaveLength(1);
   });
 
-  it("does not where its pictures are whole, or show more so far", () => {
-    const { root, leafOf } = makeSolidWorld();
-    hold([leafOf("2/0/0/0", 1)]);
-    hold(tilesOf(root).slice(0, 1));
-    expect(solids(plan(root, CLOSE))).toEqual(["2/0/0/0 1"]);
-    hold(tilesOf(root));
+  it("does before whole pictures that show less, unless these show an instance that cannot be drawn", () => {
+    const { root, cell, leafOf } = makeSolidWorld(withStatue);
+    hold([leafOf("2/0/0/0", 1), ...tilesOf(root)]);
     expect(solids(plan(root, CLOSE))).toEqual([]);
     expect(drawn(plan(root, CLOSE))).toEqual(["2/0/0/0"]);
+    hold([cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);
+    expect(solids(plan(root, CLOSE))).toEqual(["2/0/0/0 1"]);
+    expect(drawn(plan(root, CLOSE))).toEqual([]);
+    // Nothing finer is waited for that would show less.
+    const wants = listWants([root], plan(root, CLOSE), MANIFEST, view(CLOSE));
+    expect(wants.filter(({ resource: { held }, urgency }) => !held && urgency <= 1)).toEqual([]);
+  });
+
+  it("does not where its pictures show more so far", () => {
     const poor = makeSolidWorld(({ level }) => (level === 2 ? { geometry: form("20", 200) } : {}));
     hold([poor.leafOf("2/0/0/0")]);
     hold(tilesOf(poor.root).slice(0, 1));

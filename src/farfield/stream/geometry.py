@@ -12,7 +12,7 @@ from farfield.stream.accuracy import level_accuracy
 from farfield.stream.boards import board_offers
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions
-from farfield.stream.tree import NO_FORMS, NONE, REACH, CellValues
+from farfield.stream.tree import NO_FORMS, NONE, REACH, CellValues, merged_accuracy
 from farfield.world.index import MESH_FARTHEST
 
 Floats = NDArray[np.float64]
@@ -75,13 +75,15 @@ class GeometryKind:
         each = [tree.forms(cell) for cell in regions.cells[seen].tolist()]
         values = [value for forms in each for value in forms.values]
         rows = np.repeat(seen, [len(forms.values) for forms in each])
-        told, farthest, far, merged = (
+        told, far, merged = (
             np.concatenate([getattr(forms, name) for forms in (NO_FORMS, *each)])
-            for name in ("errors", "farthest", "far", "is_merged")
+            for name in ("errors", "far", "is_merged")
         )
-        errors = tree.errors_at(told, self.widths[rows], farthest[:, None])
+        of_leaves = 1 - tree.errors_at(told, self.widths[rows])
+        pitch = tree.errors[regions.cells[rows], None]
+        shown = np.where(merged[:, None], merged_accuracy(told, pitch, self.widths[rows]), of_leaves)
         may_be = near[rows] | ((within[rows] | merged[:, None]) & (far & afar)[:, None])
-        accuracy = np.where(may_be, 1 - errors, 0.0)
+        accuracy = np.where(may_be, shown, 0.0)
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
             # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves with
@@ -104,9 +106,8 @@ class GeometryKind:
                 above = int(tree.parents[above])
         for above, own in sorted(below.items()):
             forms = tree.merged(above)
-            for n, value in enumerate(forms.values):
-                told = np.broadcast_to(forms.errors[n], (len(own), forms.errors.shape[1]))
-                self.found.add(value, own, 1 - tree.errors_at(told, self.widths[own], float(forms.farthest[n])))
+            for value, told in zip(forms.values, forms.errors, strict=True):
+                self.found.add(value, own, merged_accuracy(told, tree.errors[above], self.widths[own]))
 
     def _add_together(self) -> None:
         """Geometry of several cells as one, level by level, where they lack the same: each alone would pay for it.

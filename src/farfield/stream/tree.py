@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
-from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
+from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS, picture_accuracy
 from farfield.stream.offers import SHARES
-from farfield.world.index import ERROR_SPACING, FARTHEST, MESH_FARTHEST, MOST_SIDES, CellEntry, Impostor, InstancedMesh
+from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
 from farfield.world.keys import mesh_key, orthoview_key, texture_key
 from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
@@ -79,12 +79,10 @@ class CellForms:
 
     values: tuple[CellValues, ...]
     errors: Floats
-    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is `farthest` times as wide as one of a
-    leaf's pictures, then ERROR_SPACING times as narrow each."""
+    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is as wide as one of a leaf's pictures,
+    of a mesh MESH_FARTHEST times as wide, then ERROR_SPACING times as narrow each. Of its own see `merged_accuracy`."""
     far: NDArray[np.bool_]
     """(forms,) whether it has few enough triangles to be drawn from farther than near."""
-    farthest: Floats
-    """(forms,) pixels of a leaf's pictures."""
     merged: int = 0
     """How many, the last ones, are the cell's own."""
 
@@ -225,7 +223,7 @@ def _mesh_forms(listed: InstancedMesh) -> CellForms:
         )
         errors.append(told_errors(level.errors))
     count = len(values)
-    return CellForms(tuple(values), np.array(errors), np.ones(count, bool), np.full(count, MESH_FARTHEST))
+    return CellForms(tuple(values), np.array(errors), np.ones(count, bool))
 
 
 def _inverse(transforms: Floats) -> Floats:
@@ -247,7 +245,7 @@ def _placed_boxes(bounds: Floats, transforms: Floats) -> Floats:
     return np.concatenate([at - reach, at + reach], axis=1)
 
 
-NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool), np.zeros(0))
+NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool))
 
 
 class CellTree:
@@ -373,8 +371,7 @@ class CellTree:
             values.append(CellValues(str(key), True, keys, sizes, (), (len(keys),), 1, number, refers))
             errors.append(told_errors(form.errors))
         count = len(values)
-        farthest = np.full(count, FARTHEST * 2.0**key.level)
-        return CellForms(tuple(values), np.array(errors), np.ones(count, bool), farthest, count)
+        return CellForms(tuple(values), np.array(errors), np.ones(count, bool), count)
 
     def _joined(self, cell: int) -> CellForms:
         """The leaves below, together; none of a cell with a leaf that has no geometry."""
@@ -396,7 +393,7 @@ class CellTree:
             errors.append(np.mean([told_errors(form.errors) for _, form in own], axis=0))
             drawn = [form.drawn or (0 if form.instances else form.triangles) for _, form in own]
             far.append(all(drawn) and sum(drawn) <= most)
-        return CellForms(tuple(values), np.array(errors), np.array(far, bool), np.ones(count))
+        return CellForms(tuple(values), np.array(errors), np.array(far, bool))
 
     def _pictures(self, cell: int, from_bin: int, least_gain: float) -> CellValues:
         """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
@@ -410,10 +407,10 @@ class CellTree:
         sizes = tuple(size for _, _, size in tiles)
         return CellValues(entry.key, False, keys, sizes, shares, _steps(shares))
 
-    def errors_at(self, told: Floats, widths: Floats, farthest: Floats | float = 1.0) -> Floats:
+    def errors_at(self, told: Floats, widths: Floats, farthest: float = 1.0) -> Floats:
         """(f, k) of forms with errors as CellForms tells them, (f, 3), where pixels are (f, k) metres wide.
 
-        farthest: (f, 1) pixels of a leaf's pictures that one is wide in the first view that they are told for.
+        farthest: pixels of a leaf's pictures that one is wide in the first view that they are told for.
         """
         narrow = np.log(farthest * self.grid.pitch(0) / np.maximum(widths, 1e-9)) / np.log(ERROR_SPACING)
         at = np.clip(narrow, 0.0, _REACHES - 1.0)
@@ -423,6 +420,15 @@ class CellTree:
         return np.asarray(low + (high - low) * (at - below))
 
 
+def merged_accuracy(told: Floats, pitch: Floats | float, widths: Floats) -> Floats:
+    """(f, k) how well merged geometry shows cells whose pictures have pixels `pitch` metres wide, (f, 1).
+
+    told: (f, 3) or (3,) as CellForms has them; widths: (f, k) metres that pixels of the screen are wide. From nearer
+    than is told of it goes on as pictures do: one sees its faces and texels.
+    """
+    return picture_accuracy(np.asarray(told)[..., None, :], pitch / widths)
+
+
 def _together(fine: CellForms, coarse: CellForms) -> CellForms:
     if not fine.values or not coarse.values:
         return fine if fine.values else coarse
@@ -430,7 +436,6 @@ def _together(fine: CellForms, coarse: CellForms) -> CellForms:
         fine.values + coarse.values,
         np.concatenate([fine.errors, coarse.errors]),
         np.concatenate([fine.far, coarse.far]),
-        np.concatenate([fine.farthest, coarse.farthest]),
         coarse.merged,
     )
 

@@ -14,7 +14,7 @@ from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, sines, squareness
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.regions import pixel_width
-from farfield.stream.tree import REACH, CellForms, CellTree, told_errors
+from farfield.stream.tree import REACH, CellForms, CellTree, merged_accuracy, told_errors
 from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import texture_key
 from farfield.world.world import World
@@ -59,7 +59,7 @@ class Kinds:
         away = self._away(bounds)
         width = pixel_width(bounds, away, self._focal)
         may_be = forms.far & (forms.is_merged | (away < REACH * tree.grid.leaf_size))
-        best = self._best(forms, may_be, width, held)
+        best = self._best(forms, may_be, number, width, held)
         pictures, share = self._pictures(number, width, held)
         if best is None or best[1] < pictures:
             return []
@@ -74,18 +74,27 @@ class Kinds:
             return False
         bounds, forms = self._tree.bounds[number], self._tree.merged(number)
         width = pixel_width(bounds, self._away(bounds), self._focal)
-        best = self._best(forms, forms.far, width, held)
+        best = self._best(forms, forms.far, number, width, held)
         pictures, share = self._pictures(number, width, held)
-        return best is not None and share < WHOLE and best[1] >= pictures
+        if best is None or best[1] < pictures:
+            return False
+        return share < WHOLE or self._are_placed(number, held)
 
     def _best(
-        self, forms: CellForms, may_be: NDArray[np.bool_], width: NDArray[np.float64], held: Collection[str]
+        self,
+        forms: CellForms,
+        may_be: NDArray[np.bool_],
+        number: int,
+        width: NDArray[np.float64],
+        held: Collection[str],
     ) -> tuple[int, float] | None:
-        """Of the forms that are held that which shows most, and how much; the finer, when two show the same."""
-        best = None
+        """Of a cell's forms that are held that which shows most, and how much; the finer, when two show the same."""
+        best, pitch = None, float(self._tree.errors[number])
         for n, value in enumerate(forms.values):
             if may_be[n] and all(key in held for key in value.keys):
-                shown = self._shown(forms.errors[n], width, float(forms.farthest[n]))
+                shown = self._shown(forms.errors[n], width)
+                if forms.is_merged[n]:
+                    shown = float(merged_accuracy(forms.errors[n], pitch, np.full((1, 1), width))[0, 0])
                 if best is None or shown > best[1]:
                     best = n, shown
         return best

@@ -1,8 +1,8 @@
 import type { Cell, CellGeometry } from "./cell.js";
-import { ERROR_SPACING, FARTHEST } from "./indextile.js";
+import { ERROR_SPACING } from "./indextile.js";
 import { around, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Resource } from "./resource.js";
-import { toldBy } from "./stream/accuracy.js";
+import { pictureAccuracy, toldBy } from "./stream/accuracy.js";
 import type { Box } from "./vector.js";
 
 /** Below a cell that is shown as geometry, at most. */
@@ -36,8 +36,6 @@ export interface CellForm {
   readonly images: ReadonlyMap<string, number>;
   /** How unlike the full geometry it looks, 0 to 1, as GeometryLevel.errors. */
   readonly told: readonly number[];
-  /** Pixels of a leaf's pictures that one is wide in the first view that this is told for (`errorAt`). */
-  readonly farthest: number;
   /** Whether it has few enough triangles to be drawn from farther than near. */
   readonly far: boolean;
 }
@@ -81,7 +79,6 @@ export function ownForms({ forms, level }: Cell): CellForm[] {
     listed: [],
     images: new Map(form.entry.textures ?? []),
     told: toldOf(form),
-    farthest: FARTHEST * 2 ** level,
     far: true,
   }));
 }
@@ -154,9 +151,14 @@ export function isWithinReach(away: number, leafSize: number): boolean {
   return away < REACH * leafSize;
 }
 
+/** How well a form shows a cell where a pixel is `width` metres wide: 1 = as the full geometry. From nearer than is told of its own forms go on as pictures do. */
+export function accuracyOf(form: CellForm, { level }: Cell, pitch: number, width: number): number {
+  return form.own ? pictureAccuracy(form.told, (pitch * 2 ** level) / width) : 1 - errorAt(form, pitch, width);
+}
+
 /**
  * How unlike the full geometry a form looks where a pixel is `width` metres wide: 0 = like it, 1 = as nothing. farthest: pixels of a
- * leaf's pictures that one is wide in the first view that errors are told for: CellForm.farthest, of a form of a mesh MESH_FARTHEST.
+ * leaf's pictures that one is wide in the first view that errors are told for; of a form of a mesh MESH_FARTHEST.
  */
 export function errorAt({ told }: Pick<CellForm, "told">, pitch: number, width: number, farthest = 1): number {
   const at = Math.min(Math.max(Math.log((farthest * pitch) / Math.max(width, 1e-9)) / Math.log(ERROR_SPACING), 0), REACHES - 1);
@@ -197,7 +199,6 @@ function joined(leaves: readonly Cell[], mostTriangles: number): CellForm[] {
       listed: resources.filter((resource) => listed.has(resource)),
       images: new Map(own.flatMap(({ entry }) => entry.textures ?? [])),
       told: Array.from({ length: REACHES }, (_, n) => told.reduce((sum, one) => sum + one[n]!, 0) / told.length),
-      farthest: 1,
       far: drawn.every((triangles) => triangles > 0) && drawn.reduce((sum, one) => sum + one, 0) <= mostTriangles,
     };
   });

@@ -1,5 +1,5 @@
 import type { Cell } from "./cell.js";
-import { errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
+import { accuracyOf, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
 import { heldBoards, isSeen, sightOf } from "./impostors.js";
 import { heldMesh, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
@@ -36,7 +36,19 @@ export function heldForm(cell: Cell, view: FarView, pictures: number): CellForm 
 
 /** The same of the forms of a cell above the leaves alone: that by which it stands in. */
 export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
-  return mayBeGeometry(view) ? bestOf(ownForms(cell).filter(isHeld), cell, view, pictures) : null;
+  if (!mayBeGeometry(view)) return null;
+  const form = bestOf(ownForms(cell).filter(isHeld), cell, view, pictures);
+  return form && (pictures < 1 || showsInstances(cell, view)) ? form : null;
+}
+
+/** A form of a cell above that is held and shows a cell at least as well as all of its pictures would; null: there is none. */
+export function heldFormAbove(cell: Cell, view: FarView): CellForm | null {
+  if (!mayBeGeometry(view)) return null;
+  for (let above = cell.parent; above; above = above.parent) {
+    const form = bestOf(ownForms(above).filter(isHeld), cell, view, 1, above);
+    if (form) return form;
+  }
+  return null;
 }
 
 /** How much of what a cell's pictures show is held. */
@@ -54,15 +66,15 @@ function isHeld({ resources }: CellForm): boolean {
   return resources.every(({ held }) => held);
 }
 
-/** The one that shows most, of those that show as much the first, if it is at least as much as such a share of the pictures. */
-function bestOf(forms: readonly CellForm[], cell: Cell, { eye, focal, grid }: FarView, pictures: number): CellForm | null {
+/** Of forms of a cell, or of one above it, that which shows most, the first of those that show as much, if it is at least as much as such a share of the pictures. */
+function bestOf(forms: readonly CellForm[], cell: Cell, { eye, focal, grid }: FarView, pictures: number, of = cell): CellForm | null {
   if (forms.length === 0) return null;
   const pitch = grid.leafSize / grid.resolution;
   const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
-  const errors = forms.map((form) => errorAt(form, pitch, width, form.farthest));
-  const least = Math.min(...errors);
+  const each = forms.map((form) => accuracyOf(form, of, pitch, width));
+  const most = Math.max(...each);
   const shown = pictures * pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / width);
-  return 1 - least >= shown ? forms[errors.indexOf(least)]! : null;
+  return most >= shown ? forms[each.indexOf(most)]! : null;
 }
 
 /** Whether each instance that is listed below a cell farther away than near can be drawn by something that is held. */

@@ -161,7 +161,7 @@ class Planner {
   /** Draws a cell from pictures for its `holes`, or one above as geometry of its own; returns where it is not whole. */
   private draw(cell: Cell, holes: Holes, behind: boolean): Holes {
     const { tiles, isWhole, isNew } = this.look(cell);
-    const form = isWhole || this.roles.has(cell) ? null : heldOwnForm(cell, this.view, this.heldShare(cell));
+    const form = this.roles.has(cell) ? null : heldOwnForm(cell, this.view, isWhole ? 1 : this.heldShare(cell));
     if (form) {
       this.standIns++;
       this.solids.push({ cell, form: form.leaves[0]!, holes: spread(holes, cell), behind });

@@ -1,7 +1,7 @@
 import { isHeld, type Cell } from "./cell.js";
 import { meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
-import { heldForm } from "./heldform.js";
+import { heldForm, heldFormAbove } from "./heldform.js";
 import { comingBoards } from "./impostors.js";
 import { comingMeshes } from "./instances.js";
 import type { Manifest } from "./manifest.js";
@@ -97,7 +97,7 @@ export function listWants(
   const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.reach) ? URGENCY.seen : URGENCY.unseen);
   for (const cell of plan.cut.pictures) {
     // What is shown better by geometry that is there needs no pictures.
-    const form = heldForm(cell, view, 1);
+    const form = heldForm(cell, view, 1) ?? heldFormAbove(cell, view);
     if (form) add(form.resources, cell, urgencyOf(cell));
     const isThere = form ? !form.own : addPictures(cell, urgencyOf(cell));
     if (!isThere && view.farGeometry) addComing(cell, urgencyOf(cell));

@@ -1,5 +1,5 @@
 import type { Cell } from "../cell.js";
-import { errorAt, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, type CellForm } from "../cellforms.js";
+import { accuracyOf, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, type CellForm } from "../cellforms.js";
 import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
@@ -211,7 +211,7 @@ export class Pictures implements Offering<Part> {
       const isFar = farGeometry && form.far;
       const accuracy = away.map((metres, k) => {
         const may = isNear[k] ? !farOnly : isFar && (form.own || isWithinReach(metres, grid.leafSize));
-        return may ? 1 - errorAt(form, this.pitch, widths[k]!, form.farthest) : 0;
+        return may ? accuracyOf(form, cell, this.pitch, widths[k]!) : 0;
       });
       if (!accuracy.some((one) => one > 0)) return [];
       const lacks = this.lacking(form.resources, form.images);
@@ -228,7 +228,7 @@ export class Pictures implements Offering<Part> {
     return ownForms(above).map((form) => {
       const uses = cells.map(({ object, seen: { widths } }) => ({
         object,
-        accuracy: widths.map((width) => 1 - errorAt(form, this.pitch, width, form.farthest)),
+        accuracy: widths.map((width) => accuracyOf(form, above, this.pitch, width)),
       }));
       return { cell: above, form, uses, lacks: this.lacking(form.resources, form.images) };
     });
