@@ -12,7 +12,7 @@ import vertexText from "../shaders/near.vert.glsl";
 const PRECISION = "precision highp float;\nprecision highp int;\n";
 
 /** For which holes of a cell it is drawn, and how far behind what is finer. */
-export type SolidUniforms = ReturnType<typeof holeUniforms> & { readonly behind: { value: number } };
+export type SolidUniforms = ReturnType<typeof holeUniforms> & { readonly behind: { value: number }; readonly margin: { value: number } };
 
 /** Makes the materials of near geometry, which share what depends on the view and the light. */
 export class NearMaterials {

@@ -54,7 +54,9 @@ export class SolidCells {
     const model = form.leaf.payload as NearModel;
     const { meshes, uniforms } = this.solidOf(model);
     setHoles(uniforms, cell, this.holes.add(holes), eye);
-    uniforms.behind.value = behind ? this.grid.pitch(cell.level) : 0;
+    const pitch = this.grid.pitch(cell.level);
+    uniforms.margin.value = pitch;
+    uniforms.behind.value = behind ? pitch : 0;
     const [x, y, z] = [0, 1, 2].map((a) => cell.box.lower[a]! - eye[a]!);
     for (const mesh of meshes) {
       mesh.matrixWorld.makeTranslation(x!, y!, z!);
@@ -70,7 +72,7 @@ export class SolidCells {
   }
 
   private make({ parts }: NearModel): Solid {
-    const uniforms = { ...holeUniforms(), behind: { value: 0 } };
+    const uniforms = { ...holeUniforms(), behind: { value: 0 }, margin: { value: 0 } };
     const meshes = parts.map((part) => {
       const mesh: SolidMesh = new Mesh(part.geometry, this.materials.makeSolid(part, uniforms));
       mesh.frustumCulled = false;

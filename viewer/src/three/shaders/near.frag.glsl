@@ -17,6 +17,17 @@ uniform float leafSize;
 #endif
 #ifdef SOLID
 uniform float behind; // metres by which finer parts of the same go before it
+uniform float margin; // metres by which it is drawn beyond its holes, as much farther away
+
+// What is simplified does not meet what is finer: without it the sky would be seen between them.
+bool isBesideHole(vec3 p) {
+    for (int n = 0; n < 6; n++) {
+        vec3 side = vec3(0.0);
+        side[n >> 1] = (n & 1) == 0 ? margin : -margin;
+        if (isHole(p + side)) return true;
+    }
+    return false;
+}
 #endif
 
 uniform vec4 factor;  // linear light
@@ -34,7 +45,11 @@ void main() {
     if (level < 0 || ((levels >> level) & 1) == 0) discard;
 #endif
 #ifdef SOLID
-    if (holeNode != 1 && !isHole(point)) discard;
+    float back = behind;
+    if (holeNode != 1 && !isHole(point)) {
+        if (!isBesideHole(point)) discard;
+        back += margin;
+    }
 #endif
     vec4 surface = factor;
 #ifdef TEXTURED
@@ -62,7 +77,7 @@ void main() {
     color = lit(surface.rgb, dot(n, sun), 1.0);
 #endif
 #ifdef SOLID
-    gl_FragDepth = near / (1.0 / gl_FragCoord.w + behind);
+    gl_FragDepth = near / (1.0 / gl_FragCoord.w + back);
 #else
     gl_FragDepth = near * gl_FragCoord.w;
 #endif
