@@ -18,7 +18,7 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from farfield.quality.metrics import flip_map, psnr
 from farfield.store.directory import DirectoryStore
 from farfield.store.opening import open_store
 from farfield.stream.accuracy import loss_from, picture_accuracy
-from farfield.stream.tree import NONE, CellTree, CellValues
+from farfield.stream.tree import NONE, CellTree, CellValues, merged_accuracy
 from farfield.view.frame import Frame
 from farfield.view.picture import Picture
 from farfield.view.renderer import RenderOptions, chosen_tiles, render_world
@@ -71,7 +71,7 @@ class Row:
     scene: str
     cell: str
     kind: str
-    """Of a cell so many levels up: picture+N; as geometry: form N."""
+    """Of a cell so many levels up: picture+N; as geometry of its leaves: form N; of its own: merged N."""
     width: float
     side: int
     told: float
@@ -140,7 +140,7 @@ def rows_of(scene: str, world: World, cells: int) -> Iterator[Row]:
     random = np.random.default_rng(5)
     for level in range(LEVELS):
         own = np.flatnonzero((tree.levels == level) & tree.has_pictures)
-        own = np.array([cell for cell in own if tree.forms(int(cell)).values], np.int64)
+        own = np.array([cell for cell in own if len(_of_leaves(tree, int(cell)))], np.int64)
         # Slivers at the rim of a world show nothing.
         shows = np.array([sum(size for _, _, size in tree.entries[cell].tiles) for cell in own])
         own = own[shows >= np.median(shows)]
@@ -148,6 +148,12 @@ def rows_of(scene: str, world: World, cells: int) -> Iterator[Row]:
             for side in range(len(SIDES)):
                 for width in WIDTHS:
                     yield from _Look(scene, world, tree, cache, cell, side, width).rows()
+
+
+def _of_leaves(tree: CellTree, cell: int) -> tuple[CellValues, ...]:
+    """A cell as geometry of all leaves at or below it."""
+    forms = tree.forms(cell)
+    return forms.values[: len(forms.values) - forms.merged]
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +188,8 @@ class _Look:
 
     def rows(self) -> Iterator[Row]:
         """All kinds."""
-        forms = self.tree.forms(self.cell)
-        truth = self._geometry(forms.values[0])
+        forms, count = self.tree.forms(self.cell), len(_of_leaves(self.tree, self.cell))
+        truth = self._geometry(forms.values[0].keys)
         covered = truth.alpha > 0
         if covered.mean() < LEAST_SHARE:
             return
@@ -193,8 +199,8 @@ class _Look:
         empty = self._empty().develop(LIGHT).pixels(LIGHT.backdrop(self.camera, SIZE))
         nothing = float(flip_map(true, empty)[covered].mean())
         told = 1 - self.tree.errors_at(forms.errors, np.full((len(forms.values), 1), self.metres))[:, 0]
-        kinds = ((f"form {n}", float(told[n]), self._geometry(one)) for n, one in enumerate(forms.values) if n)
-        for kind, accuracy, picture in itertools.chain(kinds, self._pictures()):
+        kinds = ((f"form {n}", float(told[n]), self._geometry(forms.values[n].keys)) for n in range(1, count))
+        for kind, accuracy, picture in itertools.chain(kinds, self._merged(), self._pictures()):
             shown = picture.pixels(mean)
             measured = 1 - float(flip_map(true, shown)[covered].mean()) / nothing
             row = self.tree.entries[self.cell].key, kind, self.width, self.side, accuracy, measured
@@ -210,8 +216,19 @@ class _Look:
             told *= 1 - float(loss_from(tree.losses[cell], tree.errors[above] / self.metres))
             cell, up = above, up + 1
 
-    def _geometry(self, form: CellValues) -> Picture:
-        options = RenderOptions(supersampling=SAMPLES, held=set(form.keys), near_radius=math.inf)
+    def _merged(self) -> Iterator[tuple[str, float, Picture]]:
+        """Geometry of the cell's own, with the instances in it, which it does not show."""
+        tree, listed = self.tree, self.tree.instances
+        meshes = {listed.mesh[row] for row in tree.instances_below(self.cell).tolist()}
+        placed = {key for mesh in meshes for key in listed.forms[mesh].values[0].keys}
+        forms = tree.merged(self.cell)
+        for n, (value, errors) in enumerate(zip(forms.values, forms.errors, strict=True)):
+            told = merged_accuracy(errors, tree.errors[self.cell], np.full((1, 1), self.metres))
+            # For leaves, wherever the eye is, each of which it stands in for.
+            yield f"merged {n}", float(told[0, 0]), self._geometry({*value.keys, *placed}, near=1e-6, bias=-20.0)
+
+    def _geometry(self, held: Iterable[str], near: float = math.inf, bias: float = 0.0) -> Picture:
+        options = RenderOptions(supersampling=SAMPLES, held=set(held), near_radius=near, bias=bias)
         return render_world(self.world, self.camera, SIZE, options, self.cache)
 
     def _splatted(self, key: CellKey) -> Picture:

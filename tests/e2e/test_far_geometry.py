@@ -35,6 +35,7 @@ def test_houses_are_geometry_and_come_for_fewer_bytes(
         stats = page.stats()
         assert stats["tiles_missing"] == stats["tiles_pending"] == 0
         found.append((psnr(page.picture(), true), stats["geometry_cells"], stats["splats"]))
+        print(found[-1], stats)
     free, pictures = found
     assert pictures[1] == 0
     assert free[1] > 20

@@ -9,7 +9,7 @@ import pytest
 
 from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
-from farfield.stream.geometry import FINE
+from farfield.stream.geometry import FINE, MORE
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
 from farfield.stream.offers import SHARES, Offers
@@ -124,7 +124,7 @@ def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
     assert by_pictures.max() < whole.max() == 1.0
 
 
-def test_what_is_farther_away_is_offered_as_geometry_until_its_pictures_are_there() -> None:
+def test_what_is_farther_away_is_offered_as_geometry_and_where_that_shows_more_than_all_pictures() -> None:
     # 16 triangles a leaf, and 64 pixels a view: few enough of 4 leaves, too many of 16.
     tree = flat_tree(drawn=16)
     seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
@@ -138,8 +138,14 @@ def test_what_is_farther_away_is_offered_as_geometry_until_its_pictures_are_ther
     four = next(item for item in items if item.is_geometry and item.cell[0] == "1")
     assert len([key for key in four.keys if key.startswith("geometry/")]) == 4
     pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
-    offers, _ = offers_of(pictures, regions, seen)
-    assert not len(offers.sizes)
+    offers, best = offers_of(pictures, regions, seen)
+    # Then where it shows much more than these alone.
+    for n in range(len(offers.sizes)):
+        uses = offers.uses(n)
+        gains = offers.accuracy[uses] - best[offers.objects[uses], :, 0]
+        assert (gains.max(axis=1) > 0.99 * MORE).all()
+    assert {item.cell for item in (pictures.take(n) for n in range(len(offers.sizes)))} <= as_geometry
+    pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
     # And what is held of it shows more than pictures do.
     _, by_pictures = offers_of(pictures, regions, seen)
     pictures.hold(four.keys)
@@ -186,7 +192,8 @@ def test_what_is_there_needs_nothing_to_stand_in() -> None:
     items = [pictures.take(n) for n in range(len(offers.sizes))]
     pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
     offers, _ = offers_of(pictures, regions, seen)
-    assert not len(offers.sizes)
+    own = {tree.entries[n].key for n in regions.cells}
+    assert {pictures.take(n).cell for n in range(len(offers.sizes))} <= own < {item.cell for item in items}
 
 
 @pytest.mark.parametrize(("drawn", "shape"), [(0, Shape(12.0)), (4, Shape(0.0)), (4, Shape(12.0, far_geometry=False))])

@@ -170,7 +170,9 @@ describe("makePlan", () => {
   it("draws none where geometry is not wanted", () => {
     const { root, coarse } = statues();
     hold([coarse]);
-    for (const changes of [{ farGeometry: false }, { near: 0 }, { farOnly: true }]) expect(drawn(plan(root, changes))).toEqual([]);
+    for (const changes of [{ farGeometry: false }, { near: 0 }]) expect(drawn(plan(root, changes))).toEqual([]);
+    expect(drawn(plan(root, { farOnly: true, near: 1e3 }))).toEqual([]);
+    expect(drawn(plan(root, { farOnly: true }))).toEqual(drawn(plan(root)));
   });
 
   it("draws none of cells that are there: by pictures, as geometry, or by what is finer", () => {

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.stream.accuracy import level_accuracy
+from farfield.stream.accuracy import level_accuracy, picture_accuracy
 from farfield.stream.boards import board_offers
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions
@@ -18,6 +18,8 @@ from farfield.world.index import MESH_FARTHEST
 Floats = NDArray[np.float64]
 TOGETHER = 64
 """Cells that are offered as one, at most: by then each pays little for what they share, and more take long to list."""
+MORE = 0.05
+"""Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well."""
 FINE = 0.5
 """How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces; the rest is by the error
 that the bake measured. Pixel by pixel a thinned tree is unlike the full one nearly everywhere, and still a tree."""
@@ -50,7 +52,7 @@ class GeometryKind:
     widths: Floats
     """(n + m, k) metres that a pixel is wide there."""
     whole: NDArray[np.bool_]
-    """(n,) cells that are not near, and all of whose pictures are there: they are not sent as geometry as well."""
+    """(n,) cells that are not near, and all of whose pictures are there."""
     held: AbstractSet[str]
     """Keys of what the viewer has."""
     found: GeometryOffers = field(default_factory=GeometryOffers)
@@ -84,11 +86,17 @@ class GeometryKind:
         shown = np.where(merged[:, None], merged_accuracy(told, pitch, self.widths[rows]), of_leaves)
         may_be = near[rows] | ((within[rows] | merged[:, None]) & (far & afar)[:, None])
         accuracy = np.where(may_be, shown, 0.0)
+        pictures = picture_accuracy(
+            tree.told[regions.cells, None], tree.errors[regions.cells, None] / self.widths[:count]
+        )
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
-            # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves with
-            # statues are 100 kB, for which nothing else was sent in 5 s.
-            comes = not self.whole[row] and (is_near[row] or value.listed <= self.held)
+            if self.whole[row]:
+                comes = bool((accuracy[n] >= pictures[row] + MORE).any())
+            else:
+                # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves
+                # with statues are 100 kB, for which nothing else was sent in 5 s.
+                comes = is_near[row] or value.listed <= self.held
             if comes or all(key in self.held for key in value.keys):
                 self.found.add(value, [row], accuracy[n : n + 1])
         if afar:

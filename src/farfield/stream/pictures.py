@@ -162,7 +162,7 @@ class Pictures:
         return one, other, accuracy
 
     def _whole(self, outlook: Outlook, away: Floats, pictures: dict[int, CellValues]) -> NDArray[np.bool_]:
-        """(n,) cells that are not near, and all of whose pictures are there: they are not sent as geometry as well."""
+        """(n,) cells that are not near, and all of whose pictures are there."""
         regions = self._regions
         found = np.zeros(len(regions.cells), bool)
         for row in np.flatnonzero(

@@ -226,9 +226,9 @@ class Planner {
   /** Draws what is placed in cells of the cut that are not there, as far as it is held. It may reach into the picture from beside it. */
   private placeInstances({ pictures, geometry }: Cut<Cell>): void {
     const { frustum, near, farOnly, farGeometry } = this.view;
-    if (near <= 0 || farOnly) return;
+    if (near <= 0) return;
     const shown = this.shownByLeaves();
-    for (const cell of farGeometry ? [...pictures, ...geometry] : geometry) {
+    for (const cell of [...(farGeometry ? pictures : []), ...(farOnly ? [] : geometry)]) {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
       const before = this.instances.length;

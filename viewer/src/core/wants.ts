@@ -76,7 +76,7 @@ export function listWants(
   };
   /** What comes of instances is wanted, to be drawn until their cell is there. What to ask for, who puts wants in order decides. */
   const addComing = (cell: Cell, urgency: number): void => {
-    if (urgency !== URGENCY.seen || view.near <= 0 || view.farOnly) return;
+    if (urgency !== URGENCY.seen || view.near <= 0) return;
     for (const [forms, all] of meshesBelow(cell)) {
       const coming = [...comingMeshes(forms), ...comingBoards(all[0]!.impostors)];
       if (coming.length > 0) add(coming.map(({ mesh }) => mesh), cell, urgency);

@@ -134,7 +134,8 @@ export class FarfieldWorld extends Object3D {
     if (this.pace.advance(start, this.waiting.length > 0)) this.invalidate();
     if (session.loader.install(this.options.uploadBytes)) this.arrived = true;
     const may = mayDraw || this.mustDraw || session.pending === 0;
-    if (this.planDirty || (this.arrived && may)) this.choose(session, camera, renderer, size);
+    // What was ordered has all come: what else the picture wants is put in order by a plan of what there is now.
+    if (this.planDirty || (this.arrived && (may || session.underWay === 0))) this.choose(session, camera, renderer, size);
     if (session.shadowsDue) this.drawDirty = true;
     const drawing = this.drawDirty && may;
     if (drawing) {

@@ -19,6 +19,8 @@ const STEPS = 4;
 const TOGETHER = 64;
 /** Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is; in a coarser one less. */
 const SHARP = 1;
+/** Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well. */
+const MORE = 0.05;
 /** Importance of an instance beside that of a cell. */
 const OBJECTS = 4;
 
@@ -109,7 +111,7 @@ export class Pictures implements Offering<Part> {
     const way = Math.min(seconds, AHEAD);
     const eyes = Array.from({ length: STEPS }, (_, n) => prediction.eye((way * n) / (STEPS - 1)));
     this.cells = regions(this.view(), eyes);
-    this.placed = this.instances();
+    this.placed = this.instances(eyes[0]!);
     return [...this.cells, ...this.placed].map(({ bounds }) => bounds);
   }
 
@@ -120,11 +122,12 @@ export class Pictures implements Offering<Part> {
     return [...this.cells.map(() => 1), ...this.placed.map(() => factor)];
   }
 
-  private instances(): Placed[] {
+  private instances(eye: Vector3): Placed[] {
     const { near, farOnly, farGeometry } = this.view();
-    if (near <= 0 || farOnly) return [];
+    if (near <= 0) return [];
+    const isLeftOut = (cell: Cell): boolean => farOnly && cell.level === 0 && distanceTo(cell.bounds, eye) < near;
     return this.cells.flatMap((cell, home) => {
-      const below = farGeometry || cell.level === 0 ? instancesBelow(cell) : [];
+      const below = (farGeometry || cell.level === 0) && !isLeftOut(cell) ? instancesBelow(cell) : [];
       return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })));
     });
   }
@@ -193,7 +196,7 @@ export class Pictures implements Offering<Part> {
     return leafSize / resolution;
   }
 
-  /** Whether all pictures of a cell that is not near are there: it is not sent as geometry as well. */
+  /** Whether all pictures of a cell that is not near are there. */
   private isWhole(cell: Cell, { away }: Seen, eye: Vector3): boolean {
     const { near, farOnly } = this.view();
     const isEverNear = cell.level === 0 && cell.geometry !== null && away.some((metres) => metres < near);
@@ -207,6 +210,7 @@ export class Pictures implements Offering<Part> {
     const isNear = away.map((metres) => cell.level === 0 && metres < near);
     const isEverNear = isNear.some(Boolean);
     if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
+    const pictures = (width: number): number => pictureAccuracy(cell.told, (this.pitch * 2 ** cell.level) / width);
     return formsOf(cell, grid.resolution).flatMap((form) => {
       const isFar = farGeometry && form.far;
       const accuracy = away.map((metres, k) => {
@@ -216,7 +220,9 @@ export class Pictures implements Offering<Part> {
       if (!accuracy.some((one) => one > 0)) return [];
       const lacks = this.lacking(form.resources, form.images);
       // What is placed in a cell that is farther comes first, level by level.
-      const comes = !isWhole && (isEverNear || form.listed.every(({ state }) => state !== "absent"));
+      const comes = isWhole
+        ? accuracy.some((one, k) => one >= pictures(widths[k]!) + MORE)
+        : isEverNear || form.listed.every(({ state }) => state !== "absent");
       return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
     });
   }

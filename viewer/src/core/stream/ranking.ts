@@ -38,7 +38,7 @@ export class Ranking {
   /** The same wants and, where they help before those do, what can stand in for them. `budget`: bytes of the cache. */
   rank(wants: readonly Want[], view: RankedView, viewing: Viewing, budget: number): Want[] {
     this.view = view;
-    if (viewing.time >= this.rankedAt + HOLDS_SECONDS || viewing.time < this.rankedAt) this.choose(viewing);
+    if (viewing.time >= this.rankedAt + HOLDS_SECONDS || viewing.time < this.rankedAt || this.isSpent(wants)) this.choose(viewing);
     const { ranked } = this;
     const known = new Map(wants.map((want) => [want.resource, want]));
     const needed = [...wants, ...ranked.values()].filter(({ urgency }) => isNeeded(urgency));
@@ -51,6 +51,12 @@ export class Ranking {
     });
     if (fits) for (const want of ranked.values()) if (!known.has(want.resource) && !want.resource.held) found.push(want);
     return found.sort(byUrgency);
+  }
+
+  /** Whether all that is in order has come, and the picture waits for more: nothing might happen any more that puts this in order. */
+  private isSpent(wants: readonly Want[]): boolean {
+    const isWaiting = wants.some(({ urgency, resource }) => isNeeded(urgency) && resource.state === "absent");
+    return isWaiting && [...this.ranked.keys()].every(({ state }) => state !== "absent" && state !== "loading");
   }
 
   private choose(viewing: Viewing): void {
