@@ -213,6 +213,22 @@ describe("what stands in as geometry", () => {
     expect(solids(plan(poor.root, CLOSE))).toEqual([]);
   });
 
+  it("leaves nothing to be wanted of cells that it shows better than their pictures, unless pictures stand in before it", () => {
+    const { root, cell, leafOf } = makeSolidWorld();
+    const wanted = (): boolean => {
+      const seen = view(CLOSE);
+      return listWants([root], makePlan([root], DIRECTIONS, seen), MANIFEST, seen).some(({ resource }) => resource.cell === cell("0/0/0/0"));
+    };
+    expect(wanted()).toBe(true);
+    hold([leafOf("2/0/0/0")]);
+    expect(wanted()).toBe(false);
+    hold(tilesOf(cell("1/0/0/0")));
+    expect(drawn(plan(root, CLOSE))).toEqual(["1/0/0/0"]);
+    expect(wanted()).toBe(true);
+    hold([leafOf("1/0/0/0")]);
+    expect(wanted()).toBe(false);
+  });
+
   it("stands in for near leaves, which are drawn as they come", () => {
     const { root, cell, leafOf } = makeSolidWorld();
     hold([leafOf("2/0/0/0")]);

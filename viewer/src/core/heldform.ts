@@ -3,6 +3,7 @@ import { accuracyOf, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBel
 import { heldBoards, isSeen, sightOf } from "./impostors.js";
 import { heldMesh, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
+import type { Resource } from "./resource.js";
 import { pictureAccuracy } from "./stream/accuracy.js";
 import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
@@ -41,14 +42,24 @@ export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellFo
   return form && (pictures < 1 || showsInstances(cell, view)) ? form : null;
 }
 
-/** A form of a cell above that is held and shows a cell at least as well as all of its pictures would; null: there is none. */
-export function heldFormAbove(cell: Cell, view: FarView): CellForm | null {
+/**
+ * A form of a cell above that is held and stands in for a cell at least as well as all of its pictures would show it; null: there is none,
+ * or pictures stand in before it.
+ */
+export function heldFormAbove(cell: Cell, view: FarView, directions: ReadonlyMap<number, Direction>): CellForm | null {
   if (!mayBeGeometry(view)) return null;
   for (let above = cell.parent; above; above = above.parent) {
+    const isCovered = arePicturesHeld(above, view, directions);
     const form = bestOf(ownForms(above).filter(isHeld), cell, view, 1, above);
-    if (form) return form;
+    if (form && (!isCovered || showsInstances(above, view))) return form;
+    if (isCovered) return null;
   }
   return null;
+}
+
+function arePicturesHeld(cell: Cell, { eye, choice }: FarView, directions: ReadonlyMap<number, Direction>): boolean {
+  const areHeld = (tiles: readonly Resource[]): boolean => tiles.length > 0 && tiles.every(({ held }) => held);
+  return (cell.wasWhole && areHeld(cell.shown)) || areHeld(tilesWanted(cell, directions, eye, choice));
 }
 
 /** How much of what a cell's pictures show is held. */

@@ -97,7 +97,7 @@ export function listWants(
   const urgencyOf = (cell: Cell): number => (seesBox(view.frustum, cell.reach) ? URGENCY.seen : URGENCY.unseen);
   for (const cell of plan.cut.pictures) {
     // What is shown better by geometry that is there needs no pictures.
-    const form = heldForm(cell, view, 1) ?? heldFormAbove(cell, view);
+    const form = heldForm(cell, view, 1) ?? heldFormAbove(cell, view, manifest.directions);
     if (form) add(form.resources, cell, urgencyOf(cell));
     const isThere = form ? !form.own : addPictures(cell, urgencyOf(cell));
     if (!isThere && view.farGeometry) addComing(cell, urgencyOf(cell));
