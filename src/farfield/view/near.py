@@ -103,14 +103,18 @@ class NearGeometry:
                 return
             self._meshes[key] = BlockedMesh.from_mesh(read), batches.add_materials(read.materials)
         mesh, base = self._meshes[key]
-        grid, cell = self._world.grid, part.cell
-        size = grid.cell_size(cell.level)
-        placed = mesh.placed(_moved(np.eye(3, 4), grid.bounds(part.entry.cell)[0] - grid.corner), mesh.all_blocks, base)
-        # Cells are no cubes where their axes merge no more.
-        chunk = clip_to_cell(replace(placed, positions=placed.positions / size), 1.0, (cell.x, cell.y, cell.z))
-        if chunk is not None:
-            shift = grid.bounds(cell)[0] + part.moved - self._eye
-            batches.add(replace(chunk, positions=(chunk.positions * size + shift).astype(np.float32)))
+        grid, above = self._world.grid, part.entry.cell
+        box, pitch = grid.bounds(part.cell), grid.pitch(above.level)
+        placed = mesh.placed(_moved(np.eye(3, 4), grid.bounds(above)[0]), mesh.all_blocks, base)
+        away = box.mean(axis=0) - self._eye
+        away *= pitch / max(float(np.linalg.norm(away)), 1e-9)
+        # Beyond the cell's walls it goes on behind what is finer, which it does not meet: else there are cracks.
+        for margin, back in ((0.0, 0.0), (pitch, 1.0)):
+            lower, size = box[0] - margin, box[1] - box[0] + 2 * margin
+            chunk = clip_to_cell(replace(placed, positions=(placed.positions - lower) / size), 1.0, (0, 0, 0))
+            if chunk is not None:
+                shift = lower + part.moved + back * away - self._eye
+                batches.add(replace(chunk, positions=(chunk.positions * size + shift).astype(np.float32)))
 
     def draw_instances(self, instances: Iterable[PlacedInstance], batches: Batches) -> int:
         """Draws instances whole, by their meshes or by boards; returns how many cannot be read."""
