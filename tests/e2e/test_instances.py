@@ -232,8 +232,9 @@ def test_who_is_sent_nothing_asks_for_meshes(
     with opened(set(values), {}, "?sessions=0") as page:
         page.options(**SETTINGS, nearRadius=near)
         page.do("camera => farfield.setCamera(camera)", {"eye": EYE, "target": TARGET, "fov": 46.8})
-        coarsest = sum(mesh.levels[-1].triangles for mesh in listed)
-        page.page.wait_for_function(f"farfield.stats().triangles >= {coarsest}")
+        keys = [[f"mesh/{level.hash}" for level in mesh.levels] for mesh in listed]
+        page.page.wait_for_function("all => all.every(one => one.some(key => farfield.world.holds(key)))", arg=keys)
+        page.page.wait_for_timeout(1000)
         asked = {key for key in page.fetched if key.startswith("mesh/")}
         shown, true = kinds(page.picture()), kinds(whole)
     for number, mesh in enumerate(listed):
