@@ -113,7 +113,7 @@ def test_it_shows_all_that_is_not_there(page: Page, hills: DirectoryStore, level
             picture, stats = shown(camera)
             assert stats["geometry_cells"] == stats["stand_ins"] > 0
             assert stats["splats"] == stats["cells_empty"] == 0
-            assert psnr(picture, rendered(hills, camera, held)) > 50
+            assert psnr(picture, rendered(hills, camera, held)) > 40
             true = rendered(hills, camera, None)
             assert psnr(picture, true) > (24 if levels == (2,) else 29)
             assert gaps(picture, true) < 0.01

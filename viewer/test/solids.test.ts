@@ -229,6 +229,23 @@ describe("what stands in as geometry", () => {
     expect(wanted()).toBe(false);
   });
 
+  it("is wanted as it comes, as long as it is finer than what there is of it", () => {
+    const { root, cell, leafOf } = makeSolidWorld();
+    const wanted = (): string[] => {
+      const seen = view(CLOSE);
+      const wants = listWants([root], makePlan([root], DIRECTIONS, seen), MANIFEST, seen);
+      return wants.map(({ resource }) => resource.key).filter((key) => /geometry.[12]/.test(key));
+    };
+    expect(wanted()).toEqual([]);
+    for (const form of [leafOf("2/0/0/0"), leafOf("1/0/0/0", 1)]) form.state = "fetched";
+    expect(wanted().sort()).toEqual(["geometry/1/0/0/0-21", "geometry/2/0/0/0-20"]);
+    hold([leafOf("2/0/0/0")]);
+    expect(wanted()).toContain("geometry/1/0/0/0-21");
+    hold([leafOf("1/0/0/0")]);
+    expect(wanted()).not.toContain("geometry/1/0/0/0-21");
+    expect(cell("1/0/0/0").heldBelow).toBe(1);
+  });
+
   it("stands in for near leaves, which are drawn as they come", () => {
     const { root, cell, leafOf } = makeSolidWorld();
     hold([leafOf("2/0/0/0")]);

@@ -83,6 +83,18 @@ export function ownForms({ forms, level }: Cell): CellForm[] {
   }));
 }
 
+/** Geometry of a cell above the leaves, and of those above it, that is on its way and finer than what of them is there. */
+export function comingForms(cell: Cell): readonly Resource[] {
+  const coming: Resource[] = [];
+  for (let own: Cell | null = cell; own; own = own.parent) {
+    for (const { leaf } of own.level > 0 ? own.forms : []) {
+      if (leaf.held) return coming;
+      if (leaf.coming) coming.push(leaf);
+    }
+  }
+  return coming;
+}
+
 /** Whether all leaves below are known, as far as they count. */
 export function isKnownBelow(cell: Cell): boolean {
   return leavesBelow(cell) !== null;

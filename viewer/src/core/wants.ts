@@ -1,5 +1,5 @@
 import { isHeld, type Cell } from "./cell.js";
-import { meshesBelow } from "./cellforms.js";
+import { comingForms, meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
 import { heldForm, heldFormAbove } from "./heldform.js";
 import { comingBoards } from "./impostors.js";
@@ -74,9 +74,10 @@ export function listWants(
     if (cell.parent && tiles.some(lacks)) addPictures(cell.parent, urgency);
     return tiles.length > 0 && tiles.every(({ held }) => held);
   };
-  /** What comes of instances is wanted, to be drawn until their cell is there. What to ask for, who puts wants in order decides. */
+  /** What comes of instances and of geometry above is wanted, to be drawn until the cell is there. What to ask for, who puts wants in order decides. */
   const addComing = (cell: Cell, urgency: number): void => {
     if (urgency !== URGENCY.seen || view.near <= 0) return;
+    if (view.farGeometry) add(comingForms(cell), cell, urgency);
     for (const [forms, all] of meshesBelow(cell)) {
       const coming = [...comingMeshes(forms), ...comingBoards(all[0]!.impostors)];
       if (coming.length > 0) add(coming.map(({ mesh }) => mesh), cell, urgency);
