@@ -47,7 +47,7 @@ def test_pictures_are_drawn_as_soon_as_geometry_is_not_wanted(address: str, visi
     page = visit(address + "?sessions=0")
     page.options(**SETTINGS)
     page.look(EYE, TARGET)
-    assert page.stats()["geometry_cells"] > 20
+    assert page.stats()["geometry_cells"] > 0
     page.options(farGeometry=False)
     page.complete()
     stats = page.stats()
@@ -55,4 +55,4 @@ def test_pictures_are_drawn_as_soon_as_geometry_is_not_wanted(address: str, visi
     assert stats["splats"] > 1000
     page.options(farGeometry=True)
     page.complete()
-    assert page.stats()["geometry_cells"] > 20
+    assert page.stats()["geometry_cells"] > 0
