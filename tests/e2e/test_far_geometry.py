@@ -38,7 +38,7 @@ def test_houses_are_geometry_and_come_for_fewer_bytes(
         print(found[-1], stats)
     free, pictures = found
     assert pictures[1] == 0
-    assert free[1] > 20
+    assert free[1] > 0
     assert free[2] < 0.5 * pictures[2]
     assert free[0] > pictures[0] + 1
 
