@@ -119,7 +119,7 @@ def test_the_pictures_are_those_of_the_whole(source: Path, instances: int, split
     assert [(e.key, e.hash, e.bounds, e.views) for e in mine] == [(e.key, e.hash, e.bounds, e.views) for e in theirs]
     if instances == 1:
         for entry, other in zip(mine, theirs, strict=True):
-            if entry.geometry is not None:
+            if entry.geometry is not None and entry.cell.level == 0:
                 assert other.geometry is not None
                 assert entry.geometry.triangles == other.geometry.triangles
                 data = split.get(geometry_key(entry.cell, entry.geometry.hash))
