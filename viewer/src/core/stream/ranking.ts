@@ -53,10 +53,11 @@ export class Ranking {
     return found.sort(byUrgency);
   }
 
-  /** Whether all that is in order has come, and the picture waits for more: nothing might happen any more that puts this in order. */
+  /** Whether all that was in order has come, or the picture waits for what never was: nothing might happen any more that makes an order. */
   private isSpent(wants: readonly Want[]): boolean {
-    const isWaiting = wants.some(({ urgency, resource }) => isNeeded(urgency) && resource.state === "absent");
-    return isWaiting && [...this.ranked.keys()].every(({ state }) => state !== "absent" && state !== "loading");
+    const isWaiting = (): boolean => wants.some(({ urgency, resource }) => isNeeded(urgency) && resource.state === "absent");
+    const hasCome = [...this.ranked.keys()].every(({ state }) => state !== "absent" && state !== "loading");
+    return hasCome && (this.ranked.size > 0 || isWaiting());
   }
 
   private choose(viewing: Viewing): void {
