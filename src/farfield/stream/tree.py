@@ -25,10 +25,12 @@ LAYERS = 2
 """Depth layers that are drawn of a view."""
 MOST_LEAVES = 256
 """Below a cell that is shown as geometry, at most."""
-TRIANGLES = 1.0
-"""Triangles for each pixel of a view that a cell may have to be geometry from afar, at most; the same of all instances
-in a cell, which are drawn while its pictures are on their way. Tokyo has .56 from 16 r on, which take 130 ms in
-software where its points take 870 (docs/performance.md, Beside mesh levels of detail)."""
+TRIANGLES = 1.5
+"""Triangles for each pixel of a view that a cell may have to be geometry from afar, at most. All of Tokyo has 1.3 from
+16 r on, what reaches into several leaves counted in each, which take 130 ms in software where its points take 870
+(docs/performance.md, Beside mesh levels of detail)."""
+MESH_TRIANGLES = 1.0
+"""The same of all instances in a cell, which are drawn while its pictures are on their way."""
 FIRST_MERGED = 32
 """Number of the first form of a cell's own, beyond those of any leaf."""
 REACH = 120.0
@@ -348,7 +350,7 @@ class CellTree:
         own = [listed.triangles[mesh] for mesh in meshes.tolist()]
         for level in range(max(map(len, own), default=0)):
             each = [triangles[min(level, len(triangles) - 1)] for triangles in own]
-            if int(np.dot(counts, each)) <= TRIANGLES * self.grid.resolution**2:
+            if int(np.dot(counts, each)) <= MESH_TRIANGLES * self.grid.resolution**2:
                 return level
         return NONE
 

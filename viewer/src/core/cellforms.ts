@@ -8,7 +8,7 @@ import type { Box } from "./vector.js";
 /** Below a cell that is shown as geometry, at most. */
 const MOST_LEAVES = 256;
 /** Triangles for each pixel of a view that the leaves below a cell may have to be geometry from afar: they take no longer than its points. */
-const TRIANGLES = 1;
+const TRIANGLES = 1.5;
 /** The same of all instances in a cell, which are drawn while its pictures are on their way. */
 const MESH_TRIANGLES = 1;
 /** Number of the finest form of a cell's own, beyond those of any leaf. */
