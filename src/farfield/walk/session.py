@@ -33,6 +33,8 @@ from farfield.walk.observer import Observer, Poses
 
 VIEW_SECONDS = 0.1
 """Between two views that are said."""
+ACK_SECONDS = 0.02
+"""Between two acknowledgements."""
 VIEW_AGAIN = 20.0
 """Seconds after which a view is said though nothing has changed."""
 _PIECE = struct.Struct("<II")
@@ -126,6 +128,8 @@ class _Client:
         self._begun: dict[int, _Begun] = {}
         self._sending: set[asyncio.Task[None]] = set()
         self._pieces = 0
+        self._ack: asyncio.Task[None] | None = None
+        self._acked_at = 0.0
 
     async def walk(self) -> Received:
         """From hello to the end of the path."""
@@ -197,7 +201,7 @@ class _Client:
             await asyncio.sleep(max(due - monotonic(), 0.0))
             if isinstance(message, bytes):
                 self._take_piece(message)
-                self._say(socket, Ack(self._pieces))
+                self._acknowledge(socket)
                 continue
             match _decoder.decode(message):
                 case Value(number, key, size):
@@ -206,6 +210,16 @@ class _Client:
                     self._begun.pop(number, None)
                 case Missing():
                     continue
+
+    def _acknowledge(self, socket: ClientConnection) -> None:
+        """Pieces that come within ACK_SECONDS together, as the page does: small values are more than may be said."""
+        if self._ack is None or self._ack.done():
+            self._ack = asyncio.create_task(self._acknowledge_soon(socket))
+
+    async def _acknowledge_soon(self, socket: ClientConnection) -> None:
+        await asyncio.sleep(max(self._acked_at + ACK_SECONDS - monotonic(), 0.0))
+        self._acked_at = monotonic()
+        self._say(socket, Ack(self._pieces))
 
     def _take_piece(self, message: bytes) -> None:
         self._pieces += 1
