@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,42 +63,27 @@ class NearGeometry:
 
         held: keys of what may be drawn; None: all.
         """
-        unreadable = 0
-        for entry in entries:
-            if entry.geometry is None:
-                continue
-            for form in entry.geometry.forms:
-                if not is_held(entry.cell, form, held):
-                    continue
-                try:
-                    self._draw_leaf(entry, form, batches)
-                    break
-                except CorruptTileError:
-                    continue
-            else:
-                unreadable += 1
+        drawn = [self._draws(e, held, partial(self._draw_leaf, e, batches)) for e in entries if e.geometry is not None]
         batches.flush()
-        return unreadable
+        return drawn.count(False)
 
     def draw_merged(self, parts: Iterable[MergedPart], batches: Batches, held: Collection[str] | None = None) -> int:
         """Draws what stands in, each by the finest form that can be read; returns how many have none."""
-        unreadable = 0
-        for part in parts:
-            geometry, cell = part.entry.geometry, part.entry.cell
-            for form in geometry.forms if geometry else ():
-                if not is_held(cell, form, held):
-                    continue
-                try:
-                    self._draw_part(part, geometry_key(cell, form.hash), batches)
-                    break
-                except CorruptTileError:
-                    continue
-            else:
-                unreadable += 1
+        drawn = [self._draws(part.entry, held, partial(self._draw_part, part, batches)) for part in parts]
         batches.flush()
-        return unreadable
+        return drawn.count(False)
 
-    def _draw_part(self, part: MergedPart, key: str, batches: Batches) -> None:
+    def _draws(self, entry: CellEntry, held: Collection[str] | None, draw: Callable[[GeometryLevel], None]) -> bool:
+        """Whether a form of a cell could be drawn: the finest that may be and can be read."""
+        for form in entry.geometry.forms if entry.geometry else ():
+            if is_held(entry.cell, form, held):
+                with suppress(CorruptTileError):
+                    draw(form)
+                    return True
+        return False
+
+    def _draw_part(self, part: MergedPart, batches: Batches, form: GeometryLevel) -> None:
+        key = geometry_key(part.entry.cell, form.hash)
         if key not in self._meshes:
             read = read_leaf_glb(self._read(key), key, self._texture).mesh
             if read is None:
@@ -129,7 +116,7 @@ class NearGeometry:
             batches.add(mesh.placed(transform, mesh.all_blocks, base, instance.first).chunk())
         return unreadable
 
-    def _draw_leaf(self, entry: CellEntry, geometry: GeometryLevel, batches: Batches) -> None:
+    def _draw_leaf(self, entry: CellEntry, batches: Batches, geometry: GeometryLevel) -> None:
         key = geometry_key(entry.cell, geometry.hash)
         found = read_leaf_glb(self._read(key), key, self._texture)
         corner = self._world.grid.bounds(entry.cell)[0]

@@ -12,7 +12,6 @@ import type { Outlook } from "./outlook.js";
 const FINE = 0.5;
 const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
-
 /** Where an object will be seen from. */
 export interface Seen {
   /** Metres to it in each interval. */
@@ -130,6 +129,7 @@ function sidesFrom({ boards }: ImpostorForm, rows: readonly PlacedRow[], sights:
   return found;
 }
 
+/** Square metres of the rectangle round a box as it is seen from a side, at most. */
 export function sideOf({ lower, upper }: Box): number {
   return Math.hypot(upper[0] - lower[0], upper[1] - lower[1]) * (upper[2] - lower[2]);
 }
