@@ -14,6 +14,7 @@ import numpy as np
 from numba import types
 
 from farfield.kernels.compiling import device, kernel
+from farfield.kernels.nearest import cell_along, nearest_on
 from farfield.kernels.shade import albedo, is_textured
 from farfield.kernels.surface import F32_2, F64_1, F64_2, I32_2, I64_1, MATERIALS, SURFACE, U8_1, U32_1
 
@@ -56,68 +57,13 @@ def cover(corners, ids):  # type: ignore[no-untyped-def]
 
 
 @device
-def _nearest_on(points, triangles, t, px, py, pz):  # type: ignore[no-untyped-def]
-    """(squared distance, weight of the second corner, of the third) of a triangle's point nearest to another
-    (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    a = np.uintp(triangles[t, 0])
-    b = np.uintp(triangles[t, 1])
-    c = np.uintp(triangles[t, 2])
-    ax = points[a, 0]
-    ay = points[a, 1]
-    az = points[a, 2]
-    ux, uy, uz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
-    vx, vy, vz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
-    wx, wy, wz = px - ax, py - ay, pz - az
-    uu = ux * ux + uy * uy + uz * uz
-    uv = ux * vx + uy * vy + uz * vz
-    vv = vx * vx + vy * vy + vz * vz
-    d1 = ux * wx + uy * wy + uz * wz
-    d2 = vx * wx + vy * wy + vz * wz
-    d3 = d1 - uu
-    d4 = d2 - uv
-    d5 = d1 - uv
-    d6 = d2 - vv
-    va = d3 * d6 - d5 * d4
-    vb = d5 * d2 - d1 * d6
-    vc = d1 * d4 - d3 * d2
-    s = 0.0
-    r = 0.0
-    if d1 <= 0.0 and d2 <= 0.0:
-        s = 0.0
-    elif d3 >= 0.0 and d4 <= d3:
-        s = 1.0
-    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        s = d1 / (d1 - d3)
-    elif d6 >= 0.0 and d5 <= d6:
-        r = 1.0
-    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        r = d2 / (d2 - d6)
-    elif va <= 0.0 and d4 >= d3 and d5 >= d6:
-        r = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        s = 1.0 - r
-    else:
-        scale = 1.0 / (va + vb + vc)
-        s = vb * scale
-        r = vc * scale
-    wx -= s * ux + r * vx
-    wy -= s * uy + r * vy
-    wz -= s * uz + r * vz
-    return wx * wx + wy * wy + wz * wz, s, r
-
-
-@device
 def _distance(points, triangles, facing, groups, t, px, py, pz, nx, ny, nz, group, penalty):  # type: ignore[no-untyped-def]
     """Squared, of a triangle that faces another way made longer by the penalty; infinite of another group."""
     if groups[t] != group:
         return np.inf
-    squared, _, _ = _nearest_on(points, triangles, t, px, py, pz)
+    squared, _, _ = nearest_on(points, triangles, t, px, py, pz)
     same = facing[t, 0] * nx + facing[t, 1] * ny + facing[t, 2] * nz >= LEAST_FACING
     return squared if same else squared + penalty
-
-
-@device
-def _cell(value, low, size, count):  # type: ignore[no-untyped-def]
-    return min(max(np.int64(math.floor((value - low) / size)), 0), count - 1)
 
 
 @device
@@ -194,9 +140,9 @@ def carry(  # type: ignore[no-untyped-def]
         near = last
         if best <= size * size:
             radius = math.sqrt(best)
-            x0, x1 = _cell(px - radius, low[0], size, shape[0]), _cell(px + radius, low[0], size, shape[0])
-            y0, y1 = _cell(py - radius, low[1], size, shape[1]), _cell(py + radius, low[1], size, shape[1])
-            z0, z1 = _cell(pz - radius, low[2], size, shape[2]), _cell(pz + radius, low[2], size, shape[2])
+            x0, x1 = cell_along(px - radius, low[0], size, shape[0]), cell_along(px + radius, low[0], size, shape[0])
+            y0, y1 = cell_along(py - radius, low[1], size, shape[1]), cell_along(py + radius, low[1], size, shape[1])
+            z0, z1 = cell_along(pz - radius, low[2], size, shape[2]), cell_along(pz + radius, low[2], size, shape[2])
             for i in range(x0, x1 + 1):
                 for j in range(y0, y1 + 1):
                     for k in range(z0, z1 + 1):
@@ -215,7 +161,7 @@ def carry(  # type: ignore[no-untyped-def]
                 penalty, best, near,
             )  # fmt: skip
         last = near
-        _, s, r = _nearest_on(points, triangles, near, px, py, pz)
+        _, s, r = nearest_on(points, triangles, near, px, py, pz)
         material = surface.materials[near]
         across = _ZERO
         if is_textured(surface, materials, material):

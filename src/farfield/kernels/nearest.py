@@ -12,7 +12,8 @@ from farfield.kernels.surface import F64_1, F64_2, I64_1, U32_1, U32_2
 
 
 @device
-def _cell(value, low, size, count):  # type: ignore[no-untyped-def]
+def cell_along(value, low, size, count):  # type: ignore[no-untyped-def]
+    """Cell of a grid along an axis that a value lies in, the nearest where it lies outside."""
     return min(max(np.int64(math.floor((value - low) / size)), 0), count - 1)
 
 
@@ -22,7 +23,7 @@ def _range(points, triangles, t, axis, low, size, count):  # type: ignore[no-unt
     a = points[triangles[t, 0], axis]
     b = points[triangles[t, 1], axis]
     c = points[triangles[t, 2], axis]
-    return _cell(min(a, b, c), low, size, count), _cell(max(a, b, c), low, size, count)
+    return cell_along(min(a, b, c), low, size, count), cell_along(max(a, b, c), low, size, count)
 
 
 @kernel(types.int64(F64_2, U32_2, F64_1, types.float64, I64_1, I64_1, U32_1))
@@ -60,22 +61,27 @@ def fill_cells(points, triangles, low, size, shape, start, inside):  # type: ign
 
 
 @device
-def _squared_distance(points, triangles, t, px, py, pz):  # type: ignore[no-untyped-def]
-    """Of a point from a triangle (Ericson, Real-Time Collision Detection, 5.1.5)."""
-    a = points[triangles[t, 0]]
-    b = points[triangles[t, 1]]
-    c = points[triangles[t, 2]]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    ax, ay, az = px - a[0], py - a[1], pz - a[2]
-    bx, by, bz = px - b[0], py - b[1], pz - b[2]
-    cx, cy, cz = px - c[0], py - c[1], pz - c[2]
-    d1 = ux * ax + uy * ay + uz * az
-    d2 = vx * ax + vy * ay + vz * az
-    d3 = ux * bx + uy * by + uz * bz
-    d4 = vx * bx + vy * by + vz * bz
-    d5 = ux * cx + uy * cy + uz * cz
-    d6 = vx * cx + vy * cy + vz * cz
+def nearest_on(points, triangles, t, px, py, pz):  # type: ignore[no-untyped-def]
+    """(squared distance, weight of the second corner, of the third) of a triangle's point nearest to another
+    (Ericson, Real-Time Collision Detection, 5.1.5)."""
+    a = np.uintp(triangles[t, 0])
+    b = np.uintp(triangles[t, 1])
+    c = np.uintp(triangles[t, 2])
+    ax = points[a, 0]
+    ay = points[a, 1]
+    az = points[a, 2]
+    ux, uy, uz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
+    vx, vy, vz = points[c, 0] - ax, points[c, 1] - ay, points[c, 2] - az
+    wx, wy, wz = px - ax, py - ay, pz - az
+    uu = ux * ux + uy * uy + uz * uz
+    uv = ux * vx + uy * vy + uz * vz
+    vv = vx * vx + vy * vy + vz * vz
+    d1 = ux * wx + uy * wy + uz * wz
+    d2 = vx * wx + vy * wy + vz * wz
+    d3 = d1 - uu
+    d4 = d2 - uv
+    d5 = d1 - uv
+    d6 = d2 - vv
     va = d3 * d6 - d5 * d4
     vb = d5 * d2 - d1 * d6
     vc = d1 * d4 - d3 * d2
@@ -98,10 +104,10 @@ def _squared_distance(points, triangles, t, px, py, pz):  # type: ignore[no-unty
         scale = 1.0 / (va + vb + vc)
         s = vb * scale
         r = vc * scale
-    x = ax - s * ux - r * vx
-    y = ay - s * uy - r * vy
-    z = az - s * uz - r * vz
-    return x * x + y * y + z * z
+    wx -= s * ux + r * vx
+    wy -= s * uy + r * vy
+    wz -= s * uz + r * vz
+    return wx * wx + wy * wy + wz * wz, s, r
 
 
 @kernel(types.void(F64_2, U32_2, F64_1, types.float64, I64_1, I64_1, U32_1, F64_2, F64_1))
@@ -134,7 +140,7 @@ def distances(points, triangles, low, size, shape, start, inside, samples, found
                         if 0 <= k < shape[2]:
                             cell = (i * shape[1] + j) * shape[2] + k
                             for e in range(start[cell], start[cell + 1]):
-                                best = min(best, _squared_distance(points, triangles, inside[e], px, py, pz))
+                                best = min(best, nearest_on(points, triangles, inside[e], px, py, pz)[0])
                         k += step
             far = reach + shell * size
             if far > 0.0 and best <= far * far:
