@@ -18,7 +18,11 @@ from farfield.scene.model import Instances, Material, Mesh, Scene
 from farfield.scene.procedural.blobs import cube_sphere
 from farfield.serve.run import ServeOptions, serving
 from farfield.store import DirectoryStore
+from farfield.stream.tree import CellTree
+from farfield.view.impostors import ImpostorMaker
 from farfield.world.index import Impostor
+from farfield.world.keys import TURNS as EYES
+from farfield.world.keys import DynamicImpostor
 from farfield.world.world import World
 
 LEAF = 16.0
@@ -112,6 +116,43 @@ def true(browser: Browser, server: str) -> list[NDArray[np.int64]]:
             page.look(eye, target)
             found.append(parts_of(page.picture()))
         return found
+
+
+def test_bodies_are_seen_from_above_by_images_made_on_demand(
+    browser: Browser, server: str, bodies: DirectoryStore, impostors: tuple[Impostor, ...]
+) -> None:
+    """As the server makes them for eyes 50 degrees above, and those of the sides, which show less."""
+    listed = CellTree.of(World.open(bodies)).instances
+    maker, mesh = ImpostorMaker(bodies, listed), listed.forms[0].values[0].cell
+    every = [DynamicImpostor(mesh, impostors[0].rows, turn, 6) for turn in range(EYES)]
+    values = {f"texture/{name}": bodies.get(f"texture/{name}") for name, _ in impostors[0].images}
+    values |= {one.key: maker.image(one) for one in every}
+    views = []
+    for number, azimuth in ((0, -80.0), (0, 60.0), (1, 200.0), (2, 15.0)):
+        (x, y, _), target = looks(number, azimuth)
+        views.append(((x, y, 2.4 + 9 * float(np.tan(np.radians(50)))), target))
+    with visiting(browser, server) as page:
+        page.options(**SETTINGS, nearRadius=1000.0)
+        true = []
+        for eye, target in views:
+            page.look(eye, target)
+            true.append(parts_of(page.picture()))
+    asked: list[str] = []
+    with opened_with(browser, server, set(values), values) as page:
+        page.page.on("request", lambda request: asked.append(request.url) if "impostor/" in request.url else None)
+        page.options(**SETTINGS, nearRadius=2.0)
+        for (eye, target), whole in zip(views, true, strict=True):
+            page.look(eye, target)
+            page.quiet()
+            shown = parts_of(page.picture())
+            assert page.stats()["splats"] == page.stats()["geometry_cells"] == 0
+            assert ((shown >= 0) & (whole >= 0)).sum() / ((shown >= 0) | (whole >= 0)).sum() > 0.72
+            for part in range(len(COLORS)):
+                if (whole == part).sum() > 500:
+                    own, full = shown == part, whole == part
+                    assert 0.5 < own.sum() / full.sum() < 2, part
+                    assert np.abs(middle_of(own) - middle_of(full)).max() < 25, part
+        assert not asked, "they cannot be had so"
 
 
 @pytest.mark.parametrize("near", [2.0, 1000.0])

@@ -9,8 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from farfield.represent.geometry.board import board_matrix, board_mesh, side_directions, sines, squareness
+from farfield.represent.geometry.board import (
+    FULL_SINE,
+    board_matrix,
+    board_mesh,
+    directions,
+    dynamic_angle,
+    side_angles,
+    sines,
+    squareness,
+)
 from farfield.scene.model import Texture
+from farfield.world.keys import TILTS, TURNS
 
 BOX = np.array([[-1.0, -2.0, 0.0], [3.0, 4.0, 5.0]])
 """4 x 6 x 5 m, the middle at (1, 1, 2.5)."""
@@ -18,9 +28,14 @@ MIDDLE = np.array([1.0, 1.0, 2.5])
 SMALL = st.floats(-5, 5).map(lambda value: round(value, 3))
 
 
-def square(*of: Any) -> np.ndarray:
-    """Squareness of boards; see `sines`."""
-    return squareness(sines(*of))
+def side_directions(count: int) -> np.ndarray:
+    """(count, 3) see `directions`."""
+    return directions(side_angles(count))
+
+
+def square(box: np.ndarray, count: int, *of: Any) -> np.ndarray:
+    """Squareness of so many boards round about; see `sines`."""
+    return squareness(sines(box, side_angles(count), *of))
 
 
 def placed(matrix: np.ndarray, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
@@ -42,28 +57,51 @@ def test_sides_go_round_from_x() -> None:
 
 def test_boards_stand_across_their_directions() -> None:
     # Along x one sees y to the right, 6 m of it.
-    assert np.allclose(board_matrix(BOX, 0, 4), np.array([[0, 6, 0, 1], [6, 0, 0, 1], [0, 0, 5, 2.5]]))
+    assert np.allclose(board_matrix(BOX, side_angles(4)[0]), np.array([[0, 6, 0, 1], [6, 0, 0, 1], [0, 0, 5, 2.5]]))
     # Along y one sees x to the left, 4 m of it.
-    assert np.allclose(board_matrix(BOX, 1, 4), np.array([[-4, 0, 0, 1], [0, 4, 0, 1], [0, 0, 5, 2.5]]))
+    assert np.allclose(board_matrix(BOX, side_angles(4)[1]), np.array([[-4, 0, 0, 1], [0, 4, 0, 1], [0, 0, 5, 2.5]]))
     half = 0.5**0.5
-    corner = board_matrix(BOX, 1, 8)
+    corner = board_matrix(BOX, side_angles(8)[1])
     assert np.allclose(corner[:, 0], [-half * half * 10, half * half * 10, 0])
     assert np.allclose(corner[:, 1], [half * half * 10, half * half * 10, 0])
 
 
-@given(st.integers(1, 32), st.data())
-def test_boards_cover_their_boxes(count: int, data: st.DataObject) -> None:
-    side = data.draw(st.integers(0, count - 1))
+def test_boards_lean_towards_eyes_above() -> None:
+    # From 45 degrees above along x: y to the right; of x and z together 9 / sqrt 2 m, upwards and away from the eye.
+    half = 0.5**0.5
+    leaning = board_matrix(BOX, dynamic_angle(0, 6))
+    assert np.allclose(leaning[:, 0], [0, 6, 0])
+    assert np.allclose(leaning[:, 1], [6 * half, 0, 6 * half])
+    assert np.allclose(leaning[:, 2], [-half * 9 * half, 0, half * 9 * half])
+    # From straight above, x points down the image.
+    flat = board_matrix(BOX, dynamic_angle(0, TILTS))
+    assert np.allclose(flat[:, :3], [[0, 0, -4], [6, 0, 0], [0, 6, 0]])
+    assert np.allclose(board_matrix(BOX, dynamic_angle(TURNS // 4, TILTS // 2)), board_matrix(BOX, side_angles(4)[1]))
+
+
+@given(SMALL, SMALL, SMALL)
+def test_one_of_the_dynamic_boards_is_as_good_as_head_on(x: float, y: float, z: float) -> None:
+    length = np.linalg.norm([x, y, z])
+    if length > 0.01:
+        every = [directions(dynamic_angle(turn, tilt)) for turn in range(TURNS) for tilt in range(TILTS + 1)]
+        assert np.max(np.array(every) @ [x, y, z]) / length > np.cos(np.radians(16)) > FULL_SINE
+
+
+@given(st.one_of(st.integers(1, 32), st.none()), st.data())
+def test_boards_cover_their_boxes(count: int | None, data: st.DataObject) -> None:
+    angle = dynamic_angle(data.draw(st.integers(0, TURNS - 1)), data.draw(st.integers(0, TILTS)))
+    if count is not None:
+        angle = side_angles(count)[data.draw(st.integers(0, count - 1))]
     lower = np.array(data.draw(st.tuples(SMALL, SMALL, SMALL)))
     box = np.stack([lower, lower + data.draw(st.tuples(*[st.floats(0.01, 9)] * 3))])
-    matrix = board_matrix(box, side, count)
+    matrix = board_matrix(box, angle)
     assert np.allclose(matrix[:, 3], box.mean(axis=0))
     assert np.linalg.det(matrix[:, :3]) < 0
     corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
     own = np.linalg.solve(matrix[:, :3], (corners - matrix[:, 3]).T)
     # Corners of the box reach to the edges of the rectangle, and not beyond.
     assert np.allclose([own[0].min(), own[0].max(), own[2].min(), own[2].max()], [-0.5, 0.5, -0.5, 0.5])
-    assert np.allclose(matrix[:, 1] / np.linalg.norm(matrix[:, 1]), side_directions(count)[side])
+    assert np.allclose(matrix[:, 1] / np.linalg.norm(matrix[:, 1]), directions(angle))
 
 
 def test_squareness_by_hand() -> None:

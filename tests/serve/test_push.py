@@ -40,6 +40,7 @@ class Viewer:
         self.values: dict[str, bytes] = {}
         self.order: list[str] = []
         self.cancelled: list[str] = []
+        self.missing: list[str] = []
         self.pieces = self.bytes = self.idle = 0
         self._begun: dict[int, tuple[str, int, bytearray]] = {}
 
@@ -64,6 +65,8 @@ class Viewer:
                 self.order.append(told["key"])
             elif told["type"] == "idle":
                 self.idle += 1
+            elif told["type"] == "missing":
+                self.missing.append(told["key"])
             elif told["type"] == "cancelled":
                 self.cancelled.append(self._begun.pop(told["number"])[0])
 

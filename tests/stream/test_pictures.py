@@ -9,6 +9,7 @@ import pytest
 
 from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
+from farfield.represent.geometry.board import FULL_SINE, directions, dynamic_angle
 from farfield.stream.geometry import FINE, MORE
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
@@ -19,6 +20,7 @@ from farfield.stream.regions import OBJECTS, Regions, Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
 from farfield.world.index import MESH_FARTHEST
+from farfield.world.keys import DynamicImpostor
 from stream.cells import BOARDS, GEOMETRY_BYTES, GRID, SHARED, STATUE, TILE_BYTES, flat_tree
 from stream.test_motion import viewing
 
@@ -343,3 +345,55 @@ def test_where_all_pictures_are_there_meshes_are_not_sent() -> None:
     near.boxes(MotionPredictor().follow(seen), 60.0)
     offers, _ = offers_of(Pictures(near), near, seen)
     assert offers.accuracy[offers.objects >= len(near.cells)].max(initial=0.0) < 1.0
+
+
+def test_who_looks_down_is_offered_images_made_on_demand() -> None:
+    tree = flat_tree(statues=True, boards=True)
+    eye, forward = np.array([32.0, 10.0, 40.0]), np.array([0.0, 0.5, -(0.75**0.5)])
+    seen = Viewing(0.0, eye, forward, 60.0, (100, 100))
+
+    def made(shape: Shape, held: set[str], seen: Viewing = seen) -> tuple[dict[str, np.ndarray], np.ndarray, Regions]:
+        """Offered images -> accuracy of all objects by each, the best by what is held, and the regions."""
+        regions = Regions(tree, shape)
+        pictures = Pictures(regions)
+        pictures.keep(held)
+        offers, best = offers_of(pictures, regions, seen)
+        found = {}
+        for n in range(len(offers.sizes)):
+            key = "".join(pictures.take(n).keys[:1])
+            if key.startswith("impostor/"):
+                assert int(offers.sizes[n]) == np.mean([size for _, size in BOARDS.images]) // 1
+                found[key] = np.zeros(len(regions.bounds))
+                found[key][offers.objects[offers.uses(n)]] = offers.accuracy[offers.uses(n), 0]
+        return found, best, regions
+
+    assert not made(Shape(), set())[0]
+    on_demand = Shape(dynamic_impostors=True)
+    level = Viewing(0.0, np.array([32.0, -30.0, 1.0]), np.array([0.0, 1.0, 0.0]), 60.0, (100, 100))
+    assert not made(on_demand, set(), level)[0], "a side is as good as head on"
+    found, none, regions = made(on_demand, set())
+    named = {key: DynamicImpostor.of(key) for key in found}
+    assert {(one.mesh, one.rows) for one in named.values() if one} == {(STATUE[0].hash, 64)}
+    count = len(regions.cells)
+    own = tree.instances.bounds[regions.instances].reshape(-1, 2, 3).mean(axis=1)
+    towards = (eye - own) / np.linalg.norm(eye - own, axis=1, keepdims=True)
+    for key, one in named.items():
+        assert one is not None
+        sine = towards @ directions(dynamic_angle(one.turn, one.tilt))
+        # What is seen from straight before it is seen whole, and nothing from behind.
+        of_it = found[key][count:]
+        # Those that are not in the picture are none of its uses.
+        assert (of_it[(sine > FULL_SINE) & (of_it > 0)] > 0.4).all()
+        assert of_it.max() > 0.4
+        assert (of_it[sine <= 0] == 0).all()
+    # The one in the middle of the picture, 45 degrees below.
+    middle = int(np.argmin(np.abs(towards - [0, -(0.5**0.5), 0.5**0.5]).sum(axis=1)))
+    best = max(found, key=lambda key: found[key][count + middle])
+    assert (chosen := named[best])
+    assert towards[middle] @ directions(dynamic_angle(chosen.turn, chosen.tilt)) > FULL_SINE
+    # What is held is shown, and not offered again; also where nothing can be made.
+    for shape in (on_demand, Shape()):
+        again, shown, _ = made(shape, {best})
+        assert best not in again
+        assert shown[count + middle, 0, 0] == pytest.approx(found[best][count + middle], abs=1e-6)
+        assert shown[count + middle, 0, 0] > none[count + middle, 0, 0]

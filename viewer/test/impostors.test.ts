@@ -60,11 +60,36 @@ const around = (degrees: number, up = 0): Vector3 => [Math.cos((degrees / 180) *
 describe("boards", () => {
   it("stand across their directions, as deep as they are wide", () => {
     // Along x one sees y to the right, 6 m of it; along y one sees x to the left, 4 m of it.
-    expect([...boardTransform(BOX, [1, 0])]).toEqual([-0, 6, 0, 0, 6, 0, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1]);
-    expect([...boardTransform(BOX, [0, 1])]).toEqual([-4, 0, 0, 0, 0, 4, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1]);
+    const near = (...parts: number[]): unknown[] => parts.map((part) => expect.closeTo(part, 12));
+    expect([...boardTransform(BOX, 0, 0)]).toEqual(near(0, 6, 0, 0, 6, 0, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1));
+    expect([...boardTransform(BOX, Math.PI / 2, 0)]).toEqual(near(-4, 0, 0, 0, 0, 4, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1));
+    expect([...boardTransform(BOX, Math.PI / 4, 0)]).toEqual(near(-5, 5, 0, 0, 5, 5, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1));
+    // From 45 degrees above along x: of x and z together 9 / sqrt 2 m, upwards and away from the eye.
     const half = Math.sqrt(0.5);
-    const corner = [-5, 5, 0, 0, 5, 5, 0, 0, 0, 0, 5, 0, 1, 1, 2.5, 1];
-    expect([...boardTransform(BOX, [half, half])]).toEqual(corner.map((part) => expect.closeTo(part, 12)));
+    const leaning = near(0, 6, 0, 0, 6 * half, 0, 6 * half, 0, -4.5, 0, 4.5, 0, 1, 1, 2.5, 1);
+    expect([...boardTransform(BOX, 0, Math.PI / 4)]).toEqual(leaning);
+  });
+
+  it("are made as they are sent, of a size that the mesh has, for eyes above and below", () => {
+    const shared = new SharedMeshes();
+    const levels = [{ hash: hash(1), bytes: 900, triangles: 200 }];
+    const listed: InstancedMesh = { bounds: BOX, levels, objects: [7], transforms: [STILL], impostors: [impostor(96, 8)] };
+    const placed = placedMesh(listed, [100, 200, 0], shared.formsOf(listed));
+    const { boards } = placed.impostors[0]!;
+    const find = (rest: string): Resource | null => shared.find(`impostor/${hash(1)}-${rest}`);
+    for (const rest of ["95-0-6", "96-16-6", "96-0-9", "96-00-6", "096-0-6", "96-0", "96-0-6-1"]) expect(find(rest)).toBeNull();
+    expect(shared.find(`impostor/${hash(2)}-96-0-6`)).toBeNull();
+    expect(boards).toHaveLength(8);
+    const above = find("96-4-6")!;
+    expect(above).toMatchObject({ kind: "impostor", isPushed: true, state: "absent" });
+    expect([find("96-4-6"), boards.length]).toEqual([above, 9]);
+    hold(boards.map(({ mesh }) => mesh));
+    // From north and 45 degrees above that one, from the side that of the north.
+    expect([best(placed, [0, 1, 1]), best(placed, [0, 1, 0.1]), best(placed, [0, 0.2, 1]), best(placed, [0, 0, -1])]).toEqual([8, 2, 8, -1]);
+    expect(boards[8]!.transform).toEqual(boardTransform(BOX, Math.PI / 2, Math.PI / 4));
+    expect(find("96-0-0")).not.toBeNull();
+    hold([find("96-0-0")!]);
+    expect(best(placed, [0, 0, -1])).toBe(9);
   });
 
   it("stand so where their instance does, turned, stretched and mirrored as it is", () => {
@@ -111,7 +136,7 @@ describe("boards", () => {
     expect(squares(place([1, 0, 0, 1, 2, 0, 0, 2, 0, 0, 1, 3]), [1, 0, 0])).toEqual(new Array(8).fill(0));
     expect(squares(place(new Array<number>(12).fill(0)), [1, 0, 0])).toEqual(new Array(8).fill(0));
     const placed = place(STILL);
-    expect(sightOf(placed, own(placed), [101, 201, 2.5])).toEqual([0, 0]);
+    expect(sightOf(placed, own(placed), [101, 201, 2.5])).toEqual([0, 0, 0]);
   });
 
   it("are those of the side that is seen most squarely of all that are there", () => {

@@ -71,7 +71,7 @@ class FakeSocket extends EventTarget {
 
 const VIEW: ViewMessage = {
   eye: [0, 0, 1], forward: [0, 1, 0], fov: 50, size: [640, 480], velocity: [1, 0, 0], acceleration: [0, 0, 0], turning: 0.1,
-  nearRadius: 4, bias: 0, leastGain: 10, farGeometry: false,
+  nearRadius: 4, bias: 0, leastGain: 10, farGeometry: false, dynamicImpostors: true,
 };
 
 const last = (): FakeSocket => FakeSocket.made.at(-1)!;

@@ -86,6 +86,23 @@ describe("Ranking", () => {
     expect(wanted(0)).toBe(false);
   });
 
+  it("asks about leaves below what is whole, where they may show enough more", () => {
+    const shape = { radius: 0.3, near: 0.1, farGeometry: true };
+    const unknown = (errors: number[]): string[] => {
+      const { root, cells } = makeWorld({ errors });
+      const coarse = [...cells.values()].filter(({ level }) => level === 1);
+      for (const cell of coarse) Object.assign(cell, { children: null, indexHash: "ab" });
+      const ranking = new Ranking(new Link(), new Sizes());
+      ranked(ranking, root, shape);
+      expect(ranking.unknown).toEqual([]);
+      for (const cell of coarse) hold(tilesOf(cell));
+      ranked(ranking, root, shape, BUDGET, 1);
+      return ranking.unknown.map(({ name }) => name);
+    };
+    expect(unknown([100, 100, 100]).sort()).toEqual(["1/0/0/0", "1/0/1/0", "1/1/0/0", "1/1/1/0"]);
+    expect(unknown([1, 1, 1])).toEqual([]);
+  });
+
   it("keeps its order for a tenth of a second", () => {
     const { root } = makeWorld({ losses: [5, 5, 5, 5] });
     const ranking = new Ranking(new Link(), new Sizes());

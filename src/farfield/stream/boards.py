@@ -7,12 +7,17 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.represent.geometry.board import squareness
+from farfield.represent.geometry.board import FULL_SINE, directions, squareness
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import CellTree, CellValues
+from farfield.stream.tree import SLOTS, Boards, CellTree, CellValues
 from farfield.world.index import MESH_FARTHEST, MOST_SIDES
+from farfield.world.keys import TILTS, TURNS
 
 Floats = NDArray[np.float64]
+Codes = NDArray[np.int64]
+MOST_DYNAMIC = 32
+"""Dynamic impostors that a look offers, those of which most will be seen: each is compared with all instances of its
+mesh."""
 
 
 def board_offers(
@@ -24,13 +29,15 @@ def board_offers(
     widths: Floats,
     held: Collection[str],
     fine: float,
+    dynamic: bool = False,
 ) -> Iterator[tuple[CellValues, list[int], Floats]]:
     """The sides that instances will be seen from, and those that are there; each with what it shows, and how well.
 
     As sharp as an image is, and seen as squarely (BEN 4.1); the rest is the error that the bake measured. instances:
     (n,) rows of the tree's, by mesh. uses: (n,) their rows in the outlook. drawn: (n, k) whether they may be in each
     interval. widths: (n, k) metres that a pixel is wide there. held: keys that are there. fine: how much the first
-    counts for. All at once: one by one a look at 216 instances took 55 ms, so 12, and 6 without any.
+    counts for. dynamic: whether images may be made on demand; they are offered where no side is as good as head on. All
+    at once: one by one a look at 216 instances took 55 ms, so 12, and 6 without any.
     """
     listed, table = tree.instances, tree.instances.boards
     first, count = table.first[listed.mesh[instances]], np.diff(table.first)[listed.mesh[instances]]
@@ -41,38 +48,63 @@ def board_offers(
     row, which = row[order], which[order]
     if not len(row):
         return
-    azimuth, level = _sights(tree, instances, outlook)
-    azimuth, level, pixel = azimuth[row], level[row], widths[row]
+    sights = _sights(tree, instances, outlook)[row]
+    visible, pixel = outlook.visible[uses[row]], widths[row]
     errors = tree.errors_at(table.told[which], pixel, MESH_FARTHEST)
     sharp = np.minimum(table.rows[which, None] / np.maximum(outlook.height[uses[row]], 1e-9), 1.0)
     shown = np.where(drawn[row], (1 - fine) * (1 - errors) + fine * sharp, 0.0)
-    sides = table.sides[which, None]
-    nearest = np.rint(azimuth * sides / (2 * np.pi)).astype(np.int64) % sides
-    codes = (which[:, None] * MOST_SIDES + nearest)[outlook.visible[uses[row]] > 0]
-    there = [table.places[key] for key in held if key in table.places]
+    codes = _sides_from(which, table.sides[which, None], sights)
+    found = [codes[visible > 0]]
+    if dynamic:
+        found.append(_dynamic_from(which, codes, table, sights, np.where(drawn[row], visible, 0.0)))
     present = set(which.tolist())
-    codes = np.unique(np.append(codes, [code for code in there if code // MOST_SIDES in present]).astype(np.int64))
-    # Each side with all pairs of its impostor.
-    begins, ends = (np.searchsorted(which, codes // MOST_SIDES, side) for side in ("left", "right"))
+    there = [code for key in held if (code := table.code_of(key)) is not None and code // SLOTS in present]
+    codes = np.unique(np.concatenate([*found, np.array(there, np.int64)]))
+    # Each image with all pairs of its impostor.
+    begins, ends = (np.searchsorted(which, codes // SLOTS, side) for side in ("left", "right"))
     length = ends - begins
     place = np.repeat(begins - np.cumsum(length) + length, length) + np.arange(int(length.sum()))
-    turned = azimuth[place] - np.repeat(codes % MOST_SIDES, length)[:, None] * (2 * np.pi / sides[place])
-    accuracy = shown[place] * squareness(level[place] * np.cos(turned))
+    towards = np.repeat(_directions(codes, table), length, axis=0)
+    accuracy = shown[place] * squareness(np.einsum("ukc,uc->uk", sights[place], towards))
     objects, stops = uses[row[place]].tolist(), np.cumsum(length).tolist()
     for code, begin, end in zip(codes.tolist(), [0, *stops], stops, strict=False):
-        value = table.values[code // MOST_SIDES][code % MOST_SIDES]
-        yield value, objects[begin:end], accuracy[begin:end]
+        yield table.value(code), objects[begin:end], accuracy[begin:end]
 
 
-def _sights(tree: CellTree, instances: NDArray[np.int64], outlook: Outlook) -> tuple[Floats, Floats]:
-    """(n, k) azimuth, and cosine of the elevation, of the eyes from the middles of instances, in their meshes' frames.
+def _sides_from(which: Codes, sides: NDArray[np.int64], sights: Floats) -> Codes:
+    """(p, k) of pairs the baked image from the side that is nearest to each line of sight."""
+    azimuth = np.arctan2(sights[..., 1], sights[..., 0])
+    return np.asarray(which[:, None] * SLOTS + np.rint(azimuth * sides / (2 * np.pi)).astype(np.int64) % sides)
 
-    The cosine is 0 where an instance is flat.
-    """
+
+def _dynamic_from(which: Codes, codes: Codes, table: Boards, sights: Floats, visible: Floats) -> Codes:
+    """Those that are nearest to lines of sight to which no side stands squarely; of which most is seen."""
+    towards = _directions(codes.ravel(), table).reshape(sights.shape)
+    row, interval = np.nonzero((visible > 0) & ((sights * towards).sum(axis=2) < FULL_SINE) & sights.any(axis=2))
+    sight = sights[row, interval]
+    turn = np.rint(np.arctan2(sight[:, 1], sight[:, 0]) * TURNS / (2 * np.pi)).astype(np.int64) % TURNS
+    tilt = np.rint((np.arcsin(np.clip(sight[:, 2], -1.0, 1.0)) / np.pi + 0.5) * TILTS).astype(np.int64)
+    # From straight above, or below, all are one.
+    turn[(tilt == 0) | (tilt == TILTS)] = 0
+    found, of = np.unique(which[row] * SLOTS + MOST_SIDES + tilt * TURNS + turn, return_inverse=True)
+    seen = np.bincount(of, visible[row, interval], len(found))
+    return np.asarray(found[np.argsort(-seen, kind="stable")[:MOST_DYNAMIC]])
+
+
+def _directions(codes: Codes, table: Boards) -> Floats:
+    """(c, 3) unit vectors from the middle of a mesh to the eyes that images show it to."""
+    which, slot = np.divmod(codes, SLOTS)
+    tilt, turn = np.divmod(slot - MOST_SIDES, TURNS)
+    is_baked = slot < MOST_SIDES
+    azimuth = np.where(is_baked, slot / table.sides[which], turn / TURNS) * 2 * np.pi
+    return directions(np.stack([azimuth, np.where(is_baked, 0.0, np.pi * (tilt / TILTS - 0.5))], axis=-1))
+
+
+def _sights(tree: CellTree, instances: NDArray[np.int64], outlook: Outlook) -> Floats:
+    """(n, k, 3) unit vectors to the eyes from the middles of instances, in their meshes' frames; zeros of flat ones."""
     listed = tree.instances
     inverse, middles = listed.inverse[instances], listed.boxes[listed.mesh[instances]].mean(axis=1)
     towards = np.einsum("nij,kj->nki", inverse[:, :, :3], outlook.eyes) + (inverse[:, :, 3] - middles)[:, None]
-    across = np.hypot(towards[..., 0], towards[..., 1])
-    level = across / np.maximum(np.hypot(across, towards[..., 2]), 1e-12)
-    level[~inverse[:, :, :3].any(axis=(1, 2))] = 0.0
-    return np.arctan2(towards[..., 1], towards[..., 0]), level
+    towards /= np.maximum(np.linalg.norm(towards, axis=2, keepdims=True), 1e-12)
+    towards[~inverse[:, :, :3].any(axis=(1, 2))] = 0.0
+    return np.asarray(towards)

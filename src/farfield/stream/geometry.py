@@ -179,7 +179,8 @@ class GeometryKind:
         regions, uses = self.regions, len(self.regions.cells) + rows
         drawn = regions.is_near(self.away)[regions.homes[rows]] | regions.shape.far_geometry
         instances, widths = regions.instances[rows], self.widths[uses]
-        for one in board_offers(regions.tree, instances, uses, self.outlook, drawn, widths, self.held, FINE):
+        dynamic = regions.shape.dynamic_impostors
+        for one in board_offers(regions.tree, instances, uses, self.outlook, drawn, widths, self.held, FINE, dynamic):
             self.found.add(*one)
 
     def _lacking(self, value: CellValues) -> dict[str, int]:

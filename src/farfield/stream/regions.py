@@ -38,6 +38,8 @@ class Shape:
     """Pixels of a view that a kilobyte of a picked tile must add."""
     far_geometry: bool = True
     """Cells farther away are geometry too, in place of their pictures, where that shows more for its bytes."""
+    dynamic_impostors: bool = False
+    """Images of instances may be made on demand, for where it is going to be."""
 
 
 def pixel_width(bounds: Floats, away: Floats, focal: float) -> Floats:

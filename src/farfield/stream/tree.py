@@ -15,7 +15,7 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS, picture_accuracy
 from farfield.stream.offers import SHARES
 from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
-from farfield.world.keys import mesh_key, orthoview_key, texture_key
+from farfield.world.keys import DYNAMIC, TILTS, TURNS, DynamicImpostor, mesh_key, orthoview_key, texture_key
 from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
 
@@ -35,6 +35,8 @@ FIRST_MERGED = 32
 """Number of the first form of a cell's own, beyond those of any leaf."""
 REACH = 120.0
 """Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 along an edge."""
+SLOTS = MOST_SIDES + TURNS * (TILTS + 1)
+"""Codes of the images of an impostor: its sides, then those that may be made on demand."""
 _SINGULAR = 1e-12
 _REACHES = 3
 """Views that errors are told for."""
@@ -108,8 +110,14 @@ class Boards:
     """(impostors, 3) their errors, as CellForms has them."""
     values: tuple[tuple[CellValues, ...], ...]
     """Of each the images."""
-    places: dict[str, int]
-    """Key of an image -> MOST_SIDES times its impostor, and its side."""
+    meshes: tuple[str, ...]
+    """Of each the hash of its mesh."""
+    codes: dict[str, int]
+    """Key of a baked image -> its code, SLOTS times its impostor, and its side."""
+    dynamic: dict[tuple[str, int], int]
+    """Hash of a mesh, and rows -> its impostor."""
+    known: dict[int, CellValues]
+    """Dynamic impostors by their codes, as far as they have been asked for: behind the sides TURNS for each tilt."""
 
     @classmethod
     def of(cls, meshes: Sequence[InstancedMesh]) -> Boards:
@@ -122,17 +130,46 @@ class Boards:
             np.array([len(one.images) for _, _, one in all_of], np.int64),
             np.array([told_errors(one.errors) for _, _, one in all_of]).reshape(-1, _REACHES),
             values,
-            {one.keys[0]: MOST_SIDES * n + side for n, own in enumerate(values) for side, one in enumerate(own)},
+            tuple(mesh.levels[0].hash for mesh, _, _ in all_of),
+            {one.keys[0]: SLOTS * n + side for n, own in enumerate(values) for side, one in enumerate(own)},
+            {(mesh.levels[0].hash, one.rows): n for n, (mesh, _, one) in enumerate(all_of)},
+            {},
         )
 
     def of_mesh(self, mesh: int) -> tuple[tuple[CellValues, ...], ...]:
         """The images of each of its impostors."""
         return self.values[int(self.first[mesh]) : int(self.first[mesh + 1])]
 
+    def value(self, code: int) -> CellValues:
+        """What an image is sent as. A dynamic one is taken to be as large as those of its impostor that are baked."""
+        which, slot = divmod(code, SLOTS)
+        if slot < MOST_SIDES:
+            return self.values[which][slot]
+        found = self.known.get(code)
+        if found is None:
+            tilt, turn = divmod(slot - MOST_SIDES, TURNS)
+            baked = self.values[which]
+            key = DynamicImpostor(self.meshes[which], int(self.rows[which]), turn, tilt).key
+            size, level = sum(one.sizes[0] for one in baked) // len(baked), baked[0].level + slot
+            found = CellValues(self.meshes[which], True, (key,), (size,), (), (1,), 1, level, frozenset([key]))
+            self.known[code] = found
+        return found
+
+    def code_of(self, key: str) -> int | None:
+        """The code of an image; None: it is none of these."""
+        if not key.startswith(DYNAMIC):
+            return self.codes.get(key)
+        named = DynamicImpostor.of(key)
+        if named is None:
+            return None
+        slot = MOST_SIDES + TURNS * named.tilt + named.turn
+        which = self.dynamic.get((named.mesh, named.rows))
+        return None if which is None else SLOTS * which + slot
+
 
 def _board_values(listed: InstancedMesh, number: int, impostor: Impostor) -> tuple[CellValues, ...]:
     """Of one of a mesh's impostors, numbered as levels behind all others of the mesh."""
-    first, mesh = len(listed.levels) + MOST_SIDES * number, listed.levels[0].hash
+    first, mesh = len(listed.levels) + SLOTS * number, listed.levels[0].hash
     named = [(texture_key(name), size) for name, size in impostor.images]
     return tuple(
         CellValues(mesh, True, (key,), (size,), (), (1,), 1, first + side, frozenset([key]))

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
-from farfield.represent.geometry.board import board_matrix, sines, squareness
+from farfield.represent.geometry.board import board_matrix, dynamic_angle, side_angles, sines, squareness
 from farfield.stream.accuracy import picture_accuracy
 from farfield.stream.regions import pixel_width
 from farfield.stream.tree import REACH, CellForms, CellTree, merged_accuracy, told_errors
 from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
-from farfield.world.keys import texture_key
+from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
 
 WHOLE = 1 - 1e-6
@@ -38,6 +38,25 @@ class PlacedInstance:
     is_board: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class _Board:
+    """An image of an instance that is held."""
+
+    key: str
+    angle: NDArray[np.float64]
+    """(2,) see `side_angles`."""
+
+
+def _dynamic_in(held: Collection[str]) -> dict[tuple[str, int], list[_Board]]:
+    """Dynamic impostors by mesh and rows."""
+    found: dict[tuple[str, int], list[_Board]] = {}
+    for key in sorted(key for key in held if key.startswith(DYNAMIC)):
+        if dynamic := DynamicImpostor.of(key):
+            board = _Board(key, dynamic_angle(dynamic.turn, dynamic.tilt))
+            found.setdefault((dynamic.mesh, dynamic.rows), []).append(board)
+    return found
+
+
 class Kinds:
     """Chooses by what is told of either, as who sends it does (stream.geometry)."""
 
@@ -46,6 +65,8 @@ class Kinds:
         self._tree = CellTree.of(world)
         self._numbers = {entry.cell: number for number, entry in enumerate(self._tree.entries)}
         self._eye, self._focal, self._least_gain = eye, focal, least_gain
+        self._dynamic: tuple[Collection[str], dict[tuple[str, int], list[_Board]]] | None = None
+        """Those of the values that are held, and these."""
 
     def geometry_of(self, cell: CellKey, held: Collection[str]) -> list[CellEntry]:
         """What to draw in place of a cell's pictures: the leaves below, or the cell itself as merged geometry.
@@ -149,28 +170,36 @@ class Kinds:
         mesh, transform = int(listed.mesh[row]), listed.transforms[row]
         found = None
         for impostor in listed.impostors[mesh]:
-            side, shown = self._side(impostor, row, held)
+            board, shown = self._board_by(impostor, row, held)
             if shown > most:
-                found, most = (impostor, side), shown
+                found, most = board, shown
         if found is None:
             return None
-        impostor, side = found
-        matrix = transform[:, :3] @ board_matrix(listed.boxes[mesh], side, len(impostor.images))
+        matrix = transform[:, :3] @ board_matrix(listed.boxes[mesh], found.angle)
         matrix[:, 3] += transform[:, 3]
-        key, first = texture_key(impostor.images[side][0]), int(listed.objects[row])
-        return PlacedInstance(key, matrix, first, listed.bounds[row], is_board=True)
+        return PlacedInstance(found.key, matrix, int(listed.objects[row]), listed.bounds[row], is_board=True)
 
-    def _side(self, impostor: Impostor, row: int, held: Collection[str]) -> tuple[int, float]:
+    def _board_by(self, impostor: Impostor, row: int, held: Collection[str]) -> tuple[_Board | None, float]:
         """The board of an instance that is seen most squarely of those that are held, and how much it shows."""
-        sides = [side for side, (name, _) in enumerate(impostor.images) if texture_key(name) in held]
-        if not sides:
-            return 0, 0.0
-        listed = self._tree.instances
-        box, transform = listed.boxes[int(listed.mesh[row])], listed.transforms[row]
-        sine = sines(box, len(impostor.images), transform[None], self._eye[None])[0, 0]
-        best = max(sides, key=lambda side: float(sine[side]))
+        listed, mesh = self._tree.instances, int(self._tree.instances.mesh[row])
+        boards = self._boards(impostor, listed.forms[mesh].values[0].cell, held)
+        if not boards:
+            return None, 0.0
+        angles = np.array([board.angle for board in boards])
+        sine = sines(listed.boxes[mesh], angles, listed.transforms[row][None], self._eye[None])[0, 0]
+        best = int(np.argmax(sine))
         shown = self._shown(told_errors(impostor.errors), self._width(row), MESH_FARTHEST)
-        return best, float(shown * squareness(sine[best]))
+        return boards[best], float(shown * squareness(sine[best]))
+
+    def _boards(self, impostor: Impostor, mesh: str, held: Collection[str]) -> list[_Board]:
+        """Those of a mesh that are held: of its sides, then those that were made on demand."""
+        named = [(texture_key(name), angle) for (name, _), angle in zip(
+            impostor.images, side_angles(len(impostor.images)), strict=True
+        )]  # fmt: skip
+        baked = [_Board(key, angle) for key, angle in named if key in held]
+        if self._dynamic is None or self._dynamic[0] is not held:
+            self._dynamic = held, _dynamic_in(held)
+        return baked + self._dynamic[1].get((mesh, impostor.rows), [])
 
     def _shown(self, errors: NDArray[np.float64], width: NDArray[np.float64], farthest: float = 1.0) -> float:
         """How much is shown by what has these errors, (3,), where a pixel is so wide; see CellTree.errors_at."""

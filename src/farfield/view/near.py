@@ -19,10 +19,12 @@ from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb
 from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Texture
+from farfield.stream.tree import CellTree
 from farfield.view.geometry import Batches
+from farfield.view.impostors import ImpostorMaker
 from farfield.view.kinds import PlacedInstance
 from farfield.world.index import CellEntry, GeometryLevel
-from farfield.world.keys import geometry_key, mesh_key, texture_key
+from farfield.world.keys import DynamicImpostor, geometry_key, mesh_key, texture_key
 from farfield.world.reach import form_values
 from farfield.world.world import World
 
@@ -53,6 +55,7 @@ class NearGeometry:
         """eye: (3,) local metres."""
         self._world, self._eye = world, eye
         self._textures: dict[str, Texture] = {}
+        self._maker: ImpostorMaker | None = None
         self._meshes: dict[str, tuple[BlockedMesh, int]] = {}
         """Mesh, board with an image, or merged geometry, by its key, and the number of its first material."""
         self.bytes = 0
@@ -158,8 +161,16 @@ class NearGeometry:
 
     def _image(self, key: str) -> Texture:
         if key not in self._textures:
-            self._textures[key] = decode_texture(self._read(key), key)
+            dynamic = DynamicImpostor.of(key)
+            data = self._read(key) if dynamic is None else self._made(dynamic)
+            self._textures[key] = decode_texture(data, key)
         return self._textures[key]
+
+    def _made(self, wanted: DynamicImpostor) -> bytes:
+        """As a server makes it."""
+        if self._maker is None:
+            self._maker = ImpostorMaker(self._world.store, CellTree.of(self._world).instances)
+        return self._maker.image(wanted)
 
     def _read(self, key: str) -> bytes:
         try:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.kernels.boxes import see_boxes
-from farfield.represent.geometry.board import sines, squareness
+from farfield.represent.geometry.board import dynamic_angle, side_angles, sines, squareness
 from farfield.stream.accuracy import impostor_accuracy, level_accuracy
 from farfield.stream.tree import FIRST_MERGED, NONE, CellTree
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
-from farfield.world.keys import orthoview_key, texture_key
+from farfield.world.keys import DynamicImpostor, orthoview_key, texture_key
 
 Floats = NDArray[np.float64]
 LEAST_VISIBLE = 1.0
@@ -192,7 +192,7 @@ class HeldMeshes:
 
 
 class HeldBoards:
-    """Instances that the index lists by images of their meshes, which stand upright, each across its direction.
+    """Instances that the index lists by images of their meshes, each across its direction.
 
     Of the rows that the object has in them, and by the angle between the line of sight and their plane, in the mesh's
     frame.
@@ -203,6 +203,13 @@ class HeldBoards:
         impostors = tree.instances.impostors
         self._held = tuple(tuple(np.zeros(len(one.images), bool) for one in own) for own in impostors)
         """Of each mesh, of each of its impostors, (sides,)."""
+        self._dynamic: dict[tuple[int, int], list[Floats]] = {}
+        """Mesh and number of its impostor -> angles of the images that were made on demand."""
+        self._numbers = {
+            (forms.values[0].cell, impostor.rows): (mesh, number)
+            for mesh, (forms, own) in enumerate(zip(tree.instances.forms, impostors, strict=True))
+            for number, impostor in enumerate(own)
+        }
         self._places: dict[str, list[tuple[int, int, int]]] = {}
         for mesh, own in enumerate(impostors):
             for number, impostor in enumerate(own):
@@ -213,17 +220,24 @@ class HeldBoards:
         """See HeldKind."""
         for mesh, number, side in self._places.get(key, []):
             self._held[mesh][number][side] = True
+        dynamic = DynamicImpostor.of(key)
+        if dynamic and (of := self._numbers.get((dynamic.mesh, dynamic.rows))):
+            self._dynamic.setdefault(of, []).append(dynamic_angle(dynamic.turn, dynamic.tilt))
 
     def accuracy(self, sight: Sight) -> Floats:
         """See HeldKind."""
         found = np.zeros(len(sight.instance))
         for mesh, number, pieces, accuracy in self.all_accuracies(sight):
-            best = np.where(self._held[mesh][number], accuracy, 0.0).max(axis=1)
+            held = np.append(self._held[mesh][number], np.ones(len(self._dynamic.get((mesh, number), ())), bool))
+            best = np.where(held, accuracy, 0.0).max(axis=1)
             found[pieces] = np.maximum(found[pieces], best)
         return found
 
     def all_accuracies(self, sight: Sight) -> Iterator[tuple[int, int, NDArray[np.int64], Floats]]:
-        """Of all boards, held or not, impostor by impostor: its mesh and number; pieces, (l,); (l, sides) accuracy."""
+        """Of all boards, held or not, impostor by impostor: its mesh and number; pieces, (l,); (l, boards) accuracy.
+
+        Boards are the sides that are baked, then what has been made on demand.
+        """
         listed, meshes = self._tree.instances, piece_meshes(self._tree, sight)
         for mesh in np.unique(meshes[meshes != NONE]).tolist():
             pieces = np.flatnonzero(meshes == mesh)
@@ -233,8 +247,8 @@ class HeldBoards:
                 sight.metres[pieces] / np.maximum(listed.bounds[own, 5] - listed.bounds[own, 2], 1e-9), 1
             )
             for number, impostor in enumerate(listed.impostors[mesh]):
-                eyes, count = sight.eye[None], len(impostor.images)
-                square = squareness(sines(listed.boxes[mesh], count, listed.transforms[own], eyes))[:, 0]
+                angles = np.array([*side_angles(len(impostor.images)), *self._dynamic.get((mesh, number), ())])
+                square = squareness(sines(listed.boxes[mesh], angles, listed.transforms[own], sight.eye[None]))[:, 0]
                 sharp = impostor_accuracy(impostor.rows * share, height, np.pi / 2)
                 yield mesh, number, pieces, sharp[:, None] * square
 

@@ -79,7 +79,8 @@ class Observer:
             tuple(vector.tolist()) for vector in (pose.eye, pose.forward, self.velocity, self.acceleration)
         )
         return View(
-            eye, forward, pose.fov, size, velocity, self.turning, acceleration, near_radius, far_geometry=True
+            eye, forward, pose.fov, size, velocity, self.turning, acceleration, near_radius, far_geometry=True,
+            dynamic_impostors=True,
         )  # fmt: skip
 
     def _followed(self, eye: Floats, at: float) -> Floats:

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from hashlib import blake2b
 
 from farfield.octree.grid import CellKey
+
+TURNS, TILTS = 16, 8
+"""Parts of a turn, and of half a turn from straight below to straight above, between the eyes that dynamic impostors
+are made for: one is never farther than 16 degrees from a line of sight."""
+DYNAMIC = "impostor/"
+"""What their keys begin with."""
+_DYNAMIC = re.compile(r"impostor/([0-9a-f]{16})-([1-9][0-9]{0,3})-(0|[1-9][0-9]?)-([0-8])")
 
 
 def content_hash(*parts: bytes) -> str:
@@ -44,6 +53,33 @@ def mesh_key(file_hash: str) -> str:
 def texture_key(file_hash: str) -> str:
     """Key of an image that GLBs refer to."""
     return f"texture/{file_hash}"
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicImpostor:
+    """An image of a shared mesh that a server makes on demand; no store has it (spec/stream.md)."""
+
+    mesh: str
+    """Hash of the full mesh."""
+    rows: int
+    """Pixels for the height of the mesh's box."""
+    turn: int
+    """Azimuth of the eye, TURNS-ths of a turn."""
+    tilt: int
+    """Its elevation, TILTS-ths of half a turn from straight below."""
+
+    @property
+    def key(self) -> str:
+        """As it is named among the values of a world."""
+        return f"{DYNAMIC}{self.mesh}-{self.rows}-{self.turn}-{self.tilt}"
+
+    @classmethod
+    def of(cls, key: str) -> DynamicImpostor | None:
+        """What a key names; None: something else."""
+        found = _DYNAMIC.fullmatch(key)
+        if found is None or int(found[3]) >= TURNS:
+            return None
+        return cls(found[1], int(found[2]), int(found[3]), int(found[4]))
 
 
 def record_key(cell: CellKey) -> str:

@@ -1,9 +1,9 @@
 import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
-import { impostorForm } from "./impostors.js";
+import { dynamicBoard, impostorForm } from "./impostors.js";
 import type { CellEntry, GeometryLevel, InstancedMesh, MeshLevel } from "./indextile.js";
 import { meshForm, placedMesh, type MeshForms, type PlacedMesh } from "./instances.js";
-import { geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
+import { dynamicOf, geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
 import { toldBy, UNTOLD_LOSS } from "./stream/accuracy.js";
 import { grown, type Box } from "./vector.js";
@@ -234,9 +234,24 @@ export class SharedMeshes {
   private readonly known = new Map<string, Resource>();
   /** Of meshes that are placed by themselves, by what tells them apart. */
   private readonly inForms = new Map<string, MeshForms>();
+  /** The same, and its bounds, by the hash of the full mesh. */
+  private readonly byMesh = new Map<string, { readonly forms: MeshForms; readonly bounds: InstancedMesh["bounds"] }>();
 
+  /** The resource of a key. One of a dynamic impostor is made, with its board, when it is first asked about. */
   find(key: string): Resource | null {
-    return this.known.get(key) ?? null;
+    return this.known.get(key) ?? this.dynamic(key);
+  }
+
+  private dynamic(key: string): Resource | null {
+    const named = dynamicOf(key);
+    const mesh = named && this.byMesh.get(named.mesh);
+    const form = mesh?.forms.impostors.find(({ entry }) => entry.rows === named!.rows);
+    if (!named || !mesh || !form) return null;
+    // As large as those that are baked, until it has come.
+    const resource = new Resource(key, "impostor", form.entry.images[0]![1], null, true);
+    form.boards.push(dynamicBoard(mesh.bounds, resource, named));
+    this.known.set(key, resource);
+    return resource;
   }
 
   get(hash: string, bytes: number): Resource {
@@ -248,6 +263,7 @@ export class SharedMeshes {
     const name = nameOf(listed);
     const found = this.inForms.get(name) ?? this.describe(listed);
     this.inForms.set(name, found);
+    this.byMesh.set(listed.levels[0]!.hash, { forms: found, bounds: listed.bounds });
     return found;
   }
 

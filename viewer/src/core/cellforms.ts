@@ -100,6 +100,19 @@ export function isKnownBelow(cell: Cell): boolean {
   return leavesBelow(cell) !== null;
 }
 
+/** Cells at or below one under which the index has not been read; none where too many leaves are known for them to be geometry together. */
+export function unreadBelow(cell: Cell): Cell[] {
+  const found: Cell[] = [];
+  const waiting = [cell];
+  let leaves = 0;
+  for (let own = waiting.pop(); own; own = waiting.pop()) {
+    if (own.unread) found.push(own);
+    else if (own.level > 0) waiting.push(...(own.children ?? []));
+    else if (++leaves > MOST_LEAVES) return [];
+  }
+  return found;
+}
+
 /** Instances that have their place in a leaf below; none where there are no forms, and where not all leaves are known yet. */
 export function instancesBelow(cell: Cell): readonly PlacedMesh[] {
   return placedBelow(cell).all;

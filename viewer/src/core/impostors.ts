@@ -1,6 +1,7 @@
 import { errorAt } from "./cellforms.js";
 import { MESH_FARTHEST, type Impostor, type InstancedMesh } from "./indextile.js";
 import type { Instance, PlacedMesh } from "./instances.js";
+import type { DynamicImpostor } from "./keys.js";
 import type { Resource } from "./resource.js";
 import { toldBy } from "./stream/accuracy.js";
 import { cross, dot, type Vector3 } from "./vector.js";
@@ -15,28 +16,31 @@ export interface ImpostorForm {
   readonly entry: Impostor;
   /** How unlike the full mesh it looks, 0 to 1, as Impostor.errors: `errorAt` tells it, with MESH_FARTHEST. */
   readonly told: readonly number[];
-  /** One of each image. */
-  readonly boards: readonly Board[];
+  /** One of each image, then those that a server has made on demand. */
+  readonly boards: Board[];
 }
 
 /** An image of a mesh from a side, and where it stands. */
 export interface Board {
   /** The image; drawn in the mesh's place. */
   readonly mesh: Resource;
-  /** x and y of the unit vector from the middle of the mesh to the eyes that it is shown to, in the mesh's frame. */
-  readonly towards: readonly [number, number];
+  /** Unit vector from the middle of the mesh to the eyes that it is shown to, in the mesh's frame. */
+  readonly towards: Vector3;
   /**
    * (16,) columns first, to the mesh's frame from that of a board that is 1 wide and 1 high: from its middle x to the right as the eye
-   * sees it, y towards the eye, z up. It is left-handed.
+   * sees it, y towards the eye, z up the image. It is left-handed.
    */
   readonly transform: Float64Array;
 }
 
 /** Boards of an impostor that are there. */
-export type HeldBoards = Pick<ImpostorForm, "told" | "boards">;
+export interface HeldBoards {
+  readonly told: readonly number[];
+  readonly boards: readonly Board[];
+}
 
-/** x and y of the unit vector from the middle of an instance to an eye, in its mesh's frame; 0, 0 where nothing is to be seen of it. */
-export type Sight = readonly [number, number];
+/** Unit vector from the middle of an instance to an eye, in its mesh's frame; zeros where nothing is to be seen of it. */
+export type Sight = Vector3;
 
 /** The resource of an image. */
 type Take = (hash: string, bytes: number) => Resource;
@@ -44,20 +48,40 @@ type Take = (hash: string, bytes: number) => Resource;
 /** What the index tells of the images of a mesh with such bounds. */
 export function impostorForm(entry: Impostor, bounds: InstancedMesh["bounds"], take: Take): ImpostorForm {
   const { errors, images } = entry;
-  const boards = images.map(([hash, bytes], side) => {
-    const turn = (2 * Math.PI * side) / images.length;
-    const towards = [Math.cos(turn), Math.sin(turn)] as const;
-    return { mesh: take(hash, bytes), towards, transform: boardTransform(bounds, towards) };
-  });
+  const boards = images.map(([hash, bytes], side) => boardOf(bounds, take(hash, bytes), (2 * Math.PI * side) / images.length, 0));
   return { entry, told: errors?.length ? toldBy(errors) : [0, 0, 0], boards };
 }
 
-/** See Board; a body that is lit like it is as deep as it is wide. */
-export function boardTransform([lower, upper]: InstancedMesh["bounds"], [x, y]: Board["towards"]): Float64Array {
-  const [across, along, high] = [0, 1, 2].map((a) => upper[a]! - lower[a]!) as [number, number, number];
-  const width = Math.abs(y) * across + Math.abs(x) * along;
-  const [mx, my, mz] = [0, 1, 2].map((a) => (lower[a]! + upper[a]!) / 2) as [number, number, number];
-  return Float64Array.of(-y * width, x * width, 0, 0, x * width, y * width, 0, 0, 0, 0, high, 0, mx, my, mz, 1);
+/** An image of a mesh with such bounds, as it is seen from an azimuth and an elevation, radians. */
+export function boardOf(bounds: InstancedMesh["bounds"], mesh: Resource, azimuth: number, elevation: number): Board {
+  return { mesh, towards: directionOf(azimuth, elevation), transform: boardTransform(bounds, azimuth, elevation) };
+}
+
+function directionOf(azimuth: number, elevation: number): Vector3 {
+  const level = Math.cos(elevation);
+  return [level * Math.cos(azimuth), level * Math.sin(azimuth), Math.sin(elevation)];
+}
+
+/** See Board; a body that is lit like it is as deep as it is wide. The twin of `board_matrix`. */
+export function boardTransform([lower, upper]: InstancedMesh["bounds"], azimuth: number, elevation: number): Float64Array {
+  const size = [0, 1, 2].map((a) => upper[a]! - lower[a]!);
+  const middle = [0, 1, 2].map((a) => (lower[a]! + upper[a]!) / 2);
+  const towards = directionOf(azimuth, elevation);
+  const right: Vector3 = [-Math.sin(azimuth), Math.cos(azimuth), 0];
+  const up = cross(towards, right);
+  const across = (axis: Vector3): number => axis.reduce((sum, part, a) => sum + Math.abs(part) * size[a]!, 0);
+  const [width, height] = [across(right), across(up)];
+  const column = (axis: Vector3, length: number): number[] => [...axis.map((part) => part * length), 0];
+  return Float64Array.of(...column(right, width), ...column(towards, width), ...column(up, height), ...middle, 1);
+}
+
+/** Parts of a turn, and of half a turn from straight below to straight above, that images are made on demand for. */
+const TURNS = 16;
+const TILTS = 8;
+
+/** The same of an image that a server has made on demand. */
+export function dynamicBoard(bounds: InstancedMesh["bounds"], mesh: Resource, { turn, tilt }: DynamicImpostor): Board {
+  return boardOf(bounds, mesh, (2 * Math.PI * turn) / TURNS, Math.PI * (tilt / TILTS - 0.5));
 }
 
 /** Of a mesh, as far as any board of theirs is there. */
@@ -72,8 +96,8 @@ export function comingBoards(impostors: readonly ImpostorForm[]): readonly Board
 }
 
 /** Sine of the angle between a board and the line of sight; below 0 from behind. */
-function sineOf({ towards }: Board, [x, y]: Sight): number {
-  return towards[0] * x + towards[1] * y;
+function sineOf({ towards }: Board, sight: Sight): number {
+  return dot(towards, sight);
 }
 
 /** How much of its mesh a board shows for the angle alone: the cube of its sine over that of 60 degrees, from 0 (behind it) to 1. */
@@ -111,13 +135,13 @@ const views = new WeakMap<Instance, Float64Array | null>();
 export function sightOf(placed: PlacedMesh, instance: Instance, eye: Vector3): Sight {
   let view = views.get(instance);
   if (view === undefined) views.set(instance, (view = viewOf(placed, instance)));
-  if (view === null) return [0, 0];
+  if (view === null) return [0, 0, 0];
   const [x, y, z] = [eye[0] - view[0]!, eye[1] - view[1]!, eye[2] - view[2]!];
   const toX = view[3]! * x + view[4]! * y + view[5]! * z;
   const toY = view[6]! * x + view[7]! * y + view[8]! * z;
   const toZ = view[9]! * x + view[10]! * y + view[11]! * z;
   const length = Math.sqrt(toX * toX + toY * toY + toZ * toZ);
-  return length > 0 ? [toX / length, toY / length] : [0, 0];
+  return length > 0 ? [toX / length, toY / length, toZ / length] : [0, 0, 0];
 }
 
 /** Null: the transform makes the mesh flat, so that nothing of it is seen from any side, or could be told. */

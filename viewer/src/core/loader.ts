@@ -443,7 +443,7 @@ export class Loader {
       const known = asFarfieldError(error, resource.key);
       if (known.tag === "aborted") return;
       if (known.tag === "network") this.postpone(resource, known);
-      else if (known.tag === "corrupt" && !this.damaged.has(resource)) void this.requestAnew(resource);
+      else if (known.tag === "corrupt" && !resource.isPushed && !this.damaged.has(resource)) void this.requestAnew(resource);
       else this.fail(resource, known);
     } finally {
       this.decoding.delete(resource);

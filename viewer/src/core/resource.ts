@@ -38,6 +38,8 @@ export class Resource {
     readonly bytes: number,
     /** The cell it belongs to; null for meshes and their images from round about, which several share. */
     public cell: Cell | null,
+    /** Whether a server sends it by itself or not at all: nobody can ask for it. */
+    readonly isPushed = false,
   ) {}
 
   get held(): boolean {

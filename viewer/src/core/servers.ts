@@ -145,9 +145,9 @@ export class Servers {
     return ({ key, state, needs }) => state === "bad" || ((state === "absent" || state === "loading") && (isAway(key) || isAway(needs)));
   }
 
-  /** Whether everything that a value is known to need may be asked for now. */
-  mayAsk({ needs }: Resource): boolean {
-    return needs === null || this.of(needs).reachable;
+  /** Whether a value, and everything that it is known to need, may be asked for now. */
+  mayAsk({ needs, isPushed }: Resource): boolean {
+    return !isPushed && (needs === null || this.of(needs).reachable);
   }
 
   /** Gives up all but the first, whose end is up to its maker. */

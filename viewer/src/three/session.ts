@@ -226,6 +226,7 @@ export class Session {
     this.loader.isLearning = this.parts.options().benefit && plan.cut.unknown.some(({ reach }) => seesBox(view.frustum, reach));
     this.loader.want(all, this.number, drawnBy(plan), this.next !== null);
     this.push?.settle(all);
+    if (this.parts.options().benefit && this.pending === 0) index.explore(this.ranking.unknown);
     // Last: what the loader asks for now the server knows of by then.
     this.push?.see(this.told(viewing, view));
     if (next.taken) this.loader.cache.dropGone();
@@ -263,6 +264,7 @@ export class Session {
       bias: clamped(Math.log2((focal * this.index.manifest.grid.pitch(0)) / radius), -4, 8),
       leastGain: choice.leastGain,
       farGeometry,
+      dynamicImpostors: true,
     };
   }
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.model import Material, Mesh, Texture
+from farfield.world.keys import TILTS, TURNS
 
 Floats = NDArray[np.float64]
 FULL_SINE = 0.75**0.5
@@ -18,26 +19,38 @@ _SINGULAR = 1e-12
 """Of the product of its columns' lengths, up to which the determinant of a matrix is none."""
 
 
-def side_directions(count: int) -> Floats:
-    """(count, 3) unit vectors, mesh frame, from the middle of a mesh to the eyes that an impostor's images show it to.
+def side_angles(count: int) -> Floats:
+    """(count, 2) azimuth and elevation, radians, of the eyes that the images of a baked impostor show a mesh to.
 
-    Number n lies at an azimuth of n count-ths of a turn, 0 along x.
+    Number n lies at an azimuth of n count-ths of a turn, 0 along x; none looks down, or up.
     """
-    turn = 2 * np.pi * np.arange(count) / count
-    return np.stack([np.cos(turn), np.sin(turn), np.zeros(count)], axis=1)
+    return np.stack([2 * np.pi * np.arange(count) / count, np.zeros(count)], axis=1)
 
 
-def board_matrix(bounds: Floats, side: int, count: int) -> Floats:
-    """(3, 4) from the frame of a board that is 1 wide and 1 high to that of its mesh: side `side` of `count`.
+def dynamic_angle(turn: int, tilt: int) -> Floats:
+    """(2,) the same of a dynamic impostor (world.keys)."""
+    return np.array([2 * np.pi * turn / TURNS, np.pi * (tilt / TILTS - 0.5)])
+
+
+def directions(angles: Floats) -> Floats:
+    """(..., 3) unit vectors, mesh frame, from the middle of a mesh to the eyes at these angles, (..., 2)."""
+    azimuth, elevation = angles[..., 0], angles[..., 1]
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def board_matrix(bounds: Floats, angle: Floats) -> Floats:
+    """(3, 4) from the frame of a board that is 1 wide and 1 high to that of its mesh, as an eye at `angle` sees it.
 
     The board's frame: from the middle of the board, x to the right as the eye sees it, y towards the eye, as long as
     the board is wide, z up. It is left-handed, so the determinant is negative. bounds: (2, 3) of the mesh, metres.
+    angle: (2,) see `side_angles`.
     """
-    x, y = side_directions(count)[side, :2]
-    size = bounds[1] - bounds[0]
-    width = abs(y) * size[0] + abs(x) * size[1]
-    columns = [[-y * width, x * width, 0.0], [x * width, y * width, 0.0], [0.0, 0.0, size[2]], bounds.mean(axis=0)]
-    return np.array(columns, np.float64).T
+    towards = directions(np.asarray(angle))
+    right = np.array([-np.sin(angle[0]), np.cos(angle[0]), 0.0])
+    up = np.cross(towards, right)
+    width, height = (float(np.abs(axis) @ (bounds[1] - bounds[0])) for axis in (right, up))
+    return np.stack([right * width, towards * width, up * height, bounds.mean(axis=0)], axis=1)
 
 
 def squareness(sines: Floats) -> Floats:
@@ -48,11 +61,12 @@ def squareness(sines: Floats) -> Floats:
     return np.asarray((np.clip(sines, 0.0, FULL_SINE) / FULL_SINE) ** 3)
 
 
-def sines(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> Floats:
-    """(m, k, count) sine of the angle between the lines of sight of k eyes and the boards of m instances of a mesh.
+def sines(bounds: Floats, angles: Floats, transforms: Floats, eyes: Floats) -> Floats:
+    """(m, k, b) sine of the angle between the lines of sight of k eyes and the boards of m instances of a mesh.
 
-    In the mesh's frame; below 0 from behind. bounds: (2, 3) of the mesh, metres. count: boards. transforms: (m, 3, 4)
-    from the mesh's frame to local metres; those that flatten it give 0. eyes: (k, 3) local metres.
+    In the mesh's frame; below 0 from behind. bounds: (2, 3) of the mesh, metres. angles: (b, 2) of the boards, see
+    `side_angles`. transforms: (m, 3, 4) from the mesh's frame to local metres; those that flatten it give 0. eyes:
+    (k, 3) local metres.
     """
     matrices = transforms[:, :, :3]
     spans = np.linalg.norm(matrices, axis=1).prod(axis=1)
@@ -60,7 +74,7 @@ def sines(bounds: Floats, count: int, transforms: Floats, eyes: Floats) -> Float
     inverse = np.linalg.inv(np.where(is_flat[:, None, None], np.eye(3), matrices))
     towards = np.einsum("mij,mkj->mki", inverse, eyes - transforms[:, None, :, 3]) - bounds.mean(axis=0)
     length = np.linalg.norm(towards, axis=2, keepdims=True)
-    sine = towards / np.where(length > 0, length, 1.0) @ side_directions(count).T
+    sine = towards / np.where(length > 0, length, 1.0) @ directions(angles).T
     sine[is_flat] = 0.0
     return np.asarray(sine)
 

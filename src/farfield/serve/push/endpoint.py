@@ -170,10 +170,12 @@ class _Said:
 def _sendable(store: Store) -> Sendable:
     from farfield.serve.push.session import Sendable
     from farfield.stream.tree import CellTree
+    from farfield.view.impostors import ImpostorMaker
     from farfield.world.world import World
 
     world = World.open(store)
-    return Sendable(store, CellTree.of(world), world.manifest.generation)
+    tree = CellTree.of(world)
+    return Sendable(store, tree, ImpostorMaker(store, tree.instances), world.manifest.generation)
 
 
 def _sender(socket: WebSocket) -> Callable[[str | bytes], Awaitable[None]]:

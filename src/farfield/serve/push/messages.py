@@ -20,7 +20,7 @@ PIECE = 16 << 10
 
 _PIECE_HEADER = struct.Struct("<II")
 
-_Key = Annotated[str, Meta(max_length=160, pattern=r"^(orthoview|geometry|mesh|texture)/[0-9a-f/-]+\Z")]
+_Key = Annotated[str, Meta(max_length=160, pattern=r"^(orthoview|geometry|mesh|texture|impostor)/[0-9a-f/-]+\Z")]
 _Keys = Annotated[tuple[_Key, ...], Meta(max_length=4096)]
 _Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 _Speed = Annotated[float, Meta(ge=-1e7, le=1e7)]
@@ -52,6 +52,7 @@ class View(msgspec.Struct, frozen=True, tag="view", rename="camel"):
     bias: Annotated[float, Meta(ge=-4, le=8)] = 0.0
     least_gain: Annotated[float, Meta(ge=0, le=1e6)] = 10.0
     far_geometry: bool = False
+    dynamic_impostors: bool = False
 
 
 class Ack(msgspec.Struct, frozen=True, tag="ack"):

@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 from starlette.concurrency import run_in_threadpool
 
-from farfield.errors import ProtocolError, StoreError
+from farfield.errors import CorruptTileError, ProtocolError, StoreError
 from farfield.serve.push.messages import (
     PIECE,
     Ack,
@@ -35,6 +35,8 @@ from farfield.stream.pictures import Pictures, SentCell
 from farfield.stream.regions import Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
+from farfield.view.impostors import ImpostorMaker
+from farfield.world.keys import DynamicImpostor
 
 AHEAD_SECONDS = 0.5
 """Of the link that may be under way beside what a round trip holds: what turns out to be more urgent waits no longer.
@@ -65,6 +67,8 @@ class Sendable:
 
     store: Store
     tree: CellTree
+    impostors: ImpostorMaker
+    """Of values that the store does not have."""
     generation: int
 
     @property
@@ -188,7 +192,8 @@ class Session:
             return
         begun = perf_counter()
         self._looked_at, self._looked, self._due = view, now, False
-        self._regions.shape = Shape(view.near_radius, view.bias, view.least_gain, view.far_geometry)
+        may_make = view.dynamic_impostors and not self._world.impostors.is_busy
+        self._regions.shape = Shape(view.near_radius, view.bias, view.least_gain, view.far_geometry, may_make)
         forward = np.array(view.forward, np.float64)
         length = float(np.linalg.norm(forward))
         if length < 0.5:
@@ -244,7 +249,7 @@ class Session:
                 if not await self._send_piece(offset, block[offset % BLOCK :][:PIECE], item):
                     await self._send(write(Cancelled(self._values)))
                     return False
-        except StoreError as error:
+        except (StoreError, CorruptTileError) as error:
             # Taken to be held, so that it is not chosen again and again.
             _log.warning("%s", error)
             if begun:
@@ -254,6 +259,8 @@ class Session:
 
     async def _read(self, key: str, offset: int) -> bytes:
         """So much of a value as is in memory at once."""
+        if dynamic := DynamicImpostor.of(key):
+            return (await run_in_threadpool(self._world.impostors.image, dynamic))[offset:][:BLOCK]
         return await run_in_threadpool(self._world.store.get_range, key, offset, BLOCK)
 
     async def _send_piece(self, offset: int, part: bytes, item: SentCell) -> bool:

@@ -276,7 +276,8 @@ export class PushClient implements Push {
   private miss(key: string): void {
     const resource = this.parts.find(key);
     this.told.add(key);
-    if (resource && this.parts.loader.awaits(resource, 0)) this.parts.loader.deliver(resource, null);
+    // Who asks learns why; what nobody can ask for is not missed.
+    if (resource && !resource.isPushed && this.parts.loader.awaits(resource, 0)) this.parts.loader.deliver(resource, null);
   }
 
   private rest(): void {

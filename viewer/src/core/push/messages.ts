@@ -9,7 +9,7 @@ const MOST_KEYS = 4096;
 const MOST_CHARACTERS = 250 << 10;
 /** Number and offset before each piece of a value. */
 const PIECE_HEADER_BYTES = 8;
-const KEY = /^(?:orthoview|geometry|mesh|texture)\/[0-9a-f/-]{1,150}$/;
+const KEY = /^(?:orthoview|geometry|mesh|texture|impostor)\/[0-9a-f/-]{1,150}$/;
 
 /** Where a viewer is, how it moves, and how it draws. */
 export interface ViewMessage {
@@ -25,6 +25,7 @@ export interface ViewMessage {
   readonly bias: number;
   readonly leastGain: number;
   readonly farGeometry: boolean;
+  readonly dynamicImpostors: boolean;
 }
 
 export type FromServer =

@@ -117,13 +117,14 @@ function boardPart(board: Board, rows: readonly PlacedRow[], shown: readonly (re
   return meshPart(rows, board.mesh, NO_IMAGES, uses);
 }
 
-/** Numbers of the boards that are the nearest to any line of sight. */
-function sidesFrom({ boards }: ImpostorForm, rows: readonly PlacedRow[], sights: Sights, { visible, eyes }: Outlook): Set<number> {
-  const step = (2 * Math.PI) / boards.length;
+/** Numbers of the baked boards that are the nearest to any line of sight. */
+function sidesFrom({ entry }: ImpostorForm, rows: readonly PlacedRow[], sights: Sights, { visible, eyes }: Outlook): Set<number> {
+  const { length } = entry.images;
+  const step = (2 * Math.PI) / length;
   const found = new Set<number>();
   rows.forEach(({ object }, n) => {
     sights[n]!.forEach(([x, y], k) => {
-      if (visible[object * eyes.length + k]! > 0) found.add((Math.round(Math.atan2(y, x) / step) + boards.length) % boards.length);
+      if (visible[object * eyes.length + k]! > 0) found.add((Math.round(Math.atan2(y, x) / step) + length) % length);
     });
   });
   return found;

@@ -1,5 +1,5 @@
 import type { Cell } from "../cell.js";
-import { accuracyOf, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, type CellForm } from "../cellforms.js";
+import { accuracyOf, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, unreadBelow, type CellForm } from "../cellforms.js";
 import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
@@ -21,6 +21,8 @@ const TOGETHER = 64;
 const SHARP = 1;
 /** Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well. */
 const MORE = 0.05;
+/** Share of the whole picture by which leaves that are not known could show more than the pictures of a cell above, for the index to be read. */
+const WORTH_READING = 0.005;
 /** Importance of an instance beside that of a cell. */
 const OBJECTS = 4;
 
@@ -103,6 +105,11 @@ export class Pictures implements Offering<Part> {
   private placed: readonly Placed[] = [];
   /** What is on its way, or has come and cannot be drawn yet, and would show something better, as of the last offers. */
   coming: readonly Part[] = [];
+  /**
+   * Cells whose pictures are all there and below which the index has not been read, though geometry of leaves there might show enough
+   * more; as of the last offers, those with most to show first. The cut itself needs nothing below them.
+   */
+  unknown: readonly Cell[] = [];
 
   constructor(private readonly view: () => CellsView) {}
 
@@ -137,14 +144,18 @@ export class Pictures implements Offering<Part> {
     const uses = new Map<Cell, Use[]>();
     const geometry: Formed[] = [];
     const below = new Map<Cell, SeenCell[]>();
+    const unknown: { readonly cell: Cell; readonly worth: number }[] = [];
     this.cells.forEach((cell, object) => {
       const seen = this.seenFrom(cell.bounds, object, outlook);
       if (!seen || (farOnly && seen.away.every((metres) => metres < near))) return;
       this.addChain(uses, cell, object, seen, false);
       const isWhole = this.isWhole(cell, seen, outlook.eyes[0]!);
       geometry.push(...this.geometryOf(cell, object, seen, isWhole));
-      if (!isWhole) addBelow(below, cell, { object, seen });
+      if (isWhole) unknown.push({ cell, worth: this.worthOfLeaves(cell, object, seen, outlook) });
+      else addBelow(below, cell, { object, seen });
     });
+    const worthwhile = unknown.filter(({ worth }) => worth >= WORTH_READING).sort((a, b) => b.worth - a.worth);
+    this.unknown = worthwhile.flatMap(({ cell }) => unreadBelow(cell));
     geometry.push(...[...below].flatMap(([above, cells]) => this.standInsOf(above, cells)));
     this.placed.forEach(({ home, bounds }, n) => {
       const seen = this.seenFrom(bounds, this.cells.length + n, outlook);
@@ -180,7 +191,7 @@ export class Pictures implements Offering<Part> {
   private addChain(uses: Map<Cell, Use[]>, cell: Cell, object: number, { away, widths }: Seen, isInstance: boolean): void {
     const { near, farOnly } = this.view();
     const { pitch } = this;
-    let accuracy = away.map((metres, k) => (farOnly && metres < near ? 0 : pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / widths[k]!)));
+    let accuracy = away.map((metres, k) => (farOnly && metres < near ? 0 : this.picturesOf(cell, widths[k]!)));
     for (let above: Cell | null = cell; above; above = above.parent) {
       const own = pitch * 2 ** above.level;
       const shown = isInstance ? accuracy.map((one, k) => one * Math.min((SHARP * widths[k]!) / own, 1)) : accuracy;
@@ -203,6 +214,18 @@ export class Pictures implements Offering<Part> {
     return (!isEverNear || farOnly) && this.heldShare(cell, eye) >= 1 - 1e-6;
   }
 
+  /** How much of the picture the leaves below a cell could show, as geometry, that its pictures do not: all that these err by. */
+  private worthOfLeaves(cell: Cell, object: number, { away, widths }: Seen, { visible, eyes, pixels }: Outlook): number {
+    const { near, farGeometry, grid } = this.view();
+    if (cell.level === 0 || near <= 0 || !farGeometry || !isWithinReach(away[0]!, grid.leafSize)) return 0;
+    return ((1 - this.picturesOf(cell, widths[0]!)) * visible[object * eyes.length]!) / pixels;
+  }
+
+  /** How well a cell's own pictures show it where a pixel is so many metres wide. */
+  private picturesOf({ told, level }: Cell, width: number): number {
+    return pictureAccuracy(told, (this.pitch * 2 ** level) / width);
+  }
+
   /** Forms of a near leaf, and of what is farther as long as its pictures are not there. */
   private geometryOf(cell: Cell, object: number, { away, widths }: Seen, isWhole: boolean): Formed[] {
     const { near, farOnly, farGeometry, grid } = this.view();
@@ -210,7 +233,6 @@ export class Pictures implements Offering<Part> {
     const isNear = away.map((metres) => cell.level === 0 && metres < near);
     const isEverNear = isNear.some(Boolean);
     if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
-    const pictures = (width: number): number => pictureAccuracy(cell.told, (this.pitch * 2 ** cell.level) / width);
     return formsOf(cell, grid.resolution).flatMap((form) => {
       const isFar = farGeometry && form.far;
       const accuracy = away.map((metres, k) => {
@@ -221,7 +243,7 @@ export class Pictures implements Offering<Part> {
       const lacks = this.lacking(form.resources, form.images);
       // What is placed in a cell that is farther comes first, level by level.
       const comes = isWhole
-        ? accuracy.some((one, k) => one >= pictures(widths[k]!) + MORE)
+        ? accuracy.some((one, k) => one >= this.picturesOf(cell, widths[k]!) + MORE)
         : isEverNear || form.listed.every(({ state }) => state !== "absent");
       return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
     });

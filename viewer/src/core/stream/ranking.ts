@@ -35,6 +35,11 @@ export class Ranking {
     this.scheduler = new Scheduler(this.pictures, () => this.far(), () => link);
   }
 
+  /** Cells below which the index is to be read once nothing else is wanted; see Pictures. */
+  get unknown(): readonly Cell[] {
+    return this.pictures.unknown;
+  }
+
   /** The same wants and, where they help before those do, what can stand in for them. `budget`: bytes of the cache. */
   rank(wants: readonly Want[], view: RankedView, viewing: Viewing, budget: number): Want[] {
     this.view = view;
