@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Cell } from "../src/core/cell.js";
-import { makePlan } from "../src/core/plan.js";
+import { makePlan, type PlanView } from "../src/core/plan.js";
 import type { Projection } from "../src/core/projection.js";
 import { Resource } from "../src/core/resource.js";
 import { Sizes } from "../src/core/sizes.js";
@@ -19,12 +19,12 @@ function looking(eye: Vector3, toW: Vector3 = [0, 1, 0]): Projection & { focal: 
   return { ...SHOT, eye, toW };
 }
 
-/** Ranks what a viewer at EYE that looks north wants of a world, after `seconds`. */
-function ranked(ranking: Ranking, root: Cell, changes = {}, budget = BUDGET, seconds = 0): Want[] {
+/** Ranks what a viewer that looks north, from EYE if nothing else is said, wants of a world, after `seconds`. */
+function ranked(ranking: Ranking, root: Cell, changes: Partial<PlanView> = {}, budget = BUDGET, seconds = 0): Want[] {
   const seen = view({ eye: EYE, radius: 100, ...changes });
   const wants = listWants([root], makePlan([root], DIRECTIONS, seen), MANIFEST, seen);
   const cells: RankedView = { ...seen, roots: [root], directions: DIRECTIONS, holdsImage: () => true, lacks: () => false };
-  return ranking.rank(wants, cells, new Observer().see(looking(EYE), seconds, 1), budget);
+  return ranking.rank(wants, cells, new Observer().see(looking(seen.eye), seconds, 1), budget);
 }
 
 const names = (wants: readonly Want[]): string[] => [...new Set(wants.map(({ resource }) => resource.cell!.name))];
@@ -86,8 +86,8 @@ describe("Ranking", () => {
     expect(wanted(0)).toBe(false);
   });
 
-  it("asks about leaves below what is whole, where they may show enough more", () => {
-    const shape = { radius: 0.3, near: 0.1, farGeometry: true };
+  it("asks about leaves below what is seen, where they may show enough more", () => {
+    const shape = { radius: 6, near: 0.1, farGeometry: true, eye: [2, -20, 0.5] as const };
     const unknown = (errors: number[]): string[] => {
       const { root, cells } = makeWorld({ errors });
       const coarse = [...cells.values()].filter(({ level }) => level === 1);

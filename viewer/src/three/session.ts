@@ -226,7 +226,8 @@ export class Session {
     this.loader.isLearning = this.parts.options().benefit && plan.cut.unknown.some(({ reach }) => seesBox(view.frustum, reach));
     this.loader.want(all, this.number, drawnBy(plan), this.next !== null);
     this.push?.settle(all);
-    if (this.parts.options().benefit && this.pending === 0) index.explore(this.ranking.unknown);
+    // Who moves on has no use for it by the time it is there.
+    if (this.parts.options().benefit && isAtRest(viewing)) index.explore(this.ranking.unknown);
     // Last: what the loader asks for now the server knows of by then.
     this.push?.see(this.told(viewing, view));
     if (next.taken) this.loader.cache.dropGone();
@@ -454,6 +455,10 @@ function joined(first: readonly Want[], second: readonly Want[]): readonly Want[
   if (first.length === 0) return second;
   const known = new Set(first.map(({ resource }) => resource));
   return [...first, ...second.filter(({ resource }) => !known.has(resource))];
+}
+
+function isAtRest({ velocity, turning }: Viewing): boolean {
+  return turning === 0 && velocity.every((along) => along === 0);
 }
 
 function clamped(value: number, least: number, most: number): number {

@@ -21,7 +21,9 @@ const TOGETHER = 64;
 const SHARP = 1;
 /** Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well. */
 const MORE = 0.05;
-/** Share of the whole picture by which leaves that are not known could show more than the pictures of a cell above, for the index to be read. */
+/** Share of a cell's pictures that are there, from which on what lies below is asked about: what there is to see at once comes first. */
+const SHOWN = 0.5;
+/** Share of what is seen of cells by which leaves that are not known could show more than the pictures of a cell above, for the index to be read. */
 const WORTH_READING = 0.005;
 /** Importance of an instance beside that of a cell. */
 const OBJECTS = 4;
@@ -106,8 +108,8 @@ export class Pictures implements Offering<Part> {
   /** What is on its way, or has come and cannot be drawn yet, and would show something better, as of the last offers. */
   coming: readonly Part[] = [];
   /**
-   * Cells whose pictures are all there and below which the index has not been read, though geometry of leaves there might show enough
-   * more; as of the last offers, those with most to show first. The cut itself needs nothing below them.
+   * Cells of whose pictures most are there and below which the index has not been read, though geometry of leaves there might show
+   * enough more; as of the last offers, those with most to show first. The cut itself needs nothing below them.
    */
   unknown: readonly Cell[] = [];
 
@@ -151,10 +153,11 @@ export class Pictures implements Offering<Part> {
       this.addChain(uses, cell, object, seen, false);
       const isWhole = this.isWhole(cell, seen, outlook.eyes[0]!);
       geometry.push(...this.geometryOf(cell, object, seen, isWhole));
-      if (isWhole) unknown.push({ cell, worth: this.worthOfLeaves(cell, object, seen, outlook) });
-      else addBelow(below, cell, { object, seen });
+      unknown.push({ cell, worth: this.worthOfLeaves(cell, object, seen, outlook) });
+      if (!isWhole) addBelow(below, cell, { object, seen });
     });
-    const worthwhile = unknown.filter(({ worth }) => worth >= WORTH_READING).sort((a, b) => b.worth - a.worth);
+    const all = this.cells.reduce((sum, _, object) => sum + outlook.visible[object * outlook.eyes.length]!, 0);
+    const worthwhile = unknown.filter(({ worth }) => worth >= WORTH_READING * all).sort((a, b) => b.worth - a.worth);
     this.unknown = worthwhile.flatMap(({ cell }) => unreadBelow(cell));
     geometry.push(...[...below].flatMap(([above, cells]) => this.standInsOf(above, cells)));
     this.placed.forEach(({ home, bounds }, n) => {
@@ -214,11 +217,12 @@ export class Pictures implements Offering<Part> {
     return (!isEverNear || farOnly) && this.heldShare(cell, eye) >= 1 - 1e-6;
   }
 
-  /** How much of the picture the leaves below a cell could show, as geometry, that its pictures do not: all that these err by. */
-  private worthOfLeaves(cell: Cell, object: number, { away, widths }: Seen, { visible, eyes, pixels }: Outlook): number {
+  /** Pixels' worth that the leaves below a cell could show, as geometry, and its pictures do not: all that these err by. */
+  private worthOfLeaves(cell: Cell, object: number, { away, widths }: Seen, { visible, eyes }: Outlook): number {
     const { near, farGeometry, grid } = this.view();
     if (cell.level === 0 || near <= 0 || !farGeometry || !isWithinReach(away[0]!, grid.leafSize)) return 0;
-    return ((1 - this.picturesOf(cell, widths[0]!)) * visible[object * eyes.length]!) / pixels;
+    if (this.heldShare(cell, eyes[0]!) < SHOWN) return 0;
+    return (1 - this.picturesOf(cell, widths[0]!)) * visible[object * eyes.length]!;
   }
 
   /** How well a cell's own pictures show it where a pixel is so many metres wide. */

@@ -35,7 +35,7 @@ export class Ranking {
     this.scheduler = new Scheduler(this.pictures, () => this.far(), () => link);
   }
 
-  /** Cells below which the index is to be read once nothing else is wanted; see Pictures. */
+  /** Cells below which the index is to be read, too; see Pictures. */
   get unknown(): readonly Cell[] {
     return this.pictures.unknown;
   }
