@@ -37,10 +37,13 @@ from farfield.store.opening import open_store
 from farfield.stream.accuracy import loss_from, picture_accuracy
 from farfield.stream.tree import NONE, CellTree, CellValues, merged_accuracy
 from farfield.view.frame import Frame
+from farfield.view.geometry import Batches, GeometryPass
+from farfield.view.near import MergedPart, NearGeometry
 from farfield.view.picture import Picture
-from farfield.view.renderer import RenderOptions, chosen_tiles, render_world
+from farfield.view.renderer import RenderOptions, chosen_tiles
 from farfield.view.shading import Light
 from farfield.view.tiles import TileCache, Wanted
+from farfield.world.index import CellEntry
 from farfield.world.world import World
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -157,6 +160,15 @@ def _of_leaves(tree: CellTree, cell: int) -> tuple[CellValues, ...]:
 
 
 @dataclass(frozen=True, slots=True)
+class _Drawing:
+    """A picture in the making."""
+
+    frame: Frame
+    reader: NearGeometry
+    batches: Batches
+
+
+@dataclass(frozen=True, slots=True)
 class _Look:
     """A cell from somewhere."""
 
@@ -217,19 +229,31 @@ class _Look:
             cell, up = above, up + 1
 
     def _merged(self) -> Iterator[tuple[str, float, Picture]]:
-        """Geometry of the cell's own, with the instances in it, which it does not show."""
-        tree, listed = self.tree, self.tree.instances
-        meshes = {listed.mesh[row] for row in tree.instances_below(self.cell).tolist()}
-        placed = {key for mesh in meshes for key in listed.forms[mesh].values[0].keys}
+        """Geometry of the cell's own, with the instances in it in full, which it does not show."""
+        tree, entry = self.tree, self.tree.entries[self.cell]
         forms = tree.merged(self.cell)
         for n, (value, errors) in enumerate(zip(forms.values, forms.errors, strict=True)):
             told = merged_accuracy(errors, tree.errors[self.cell], np.full((1, 1), self.metres))
-            # For leaves, wherever the eye is, each of which it stands in for.
-            yield f"merged {n}", float(told[0, 0]), self._geometry({*value.keys, *placed}, near=1e-6, bias=-20.0)
+            drawing = self._drawing()
+            parts = [MergedPart(entry, leaf.cell, np.zeros(3)) for leaf in self._leaves()]
+            drawing.reader.draw_merged(parts, drawing.batches, set(value.keys))
+            for leaf in self._leaves():
+                drawing.reader.draw_placed(leaf, drawing.batches)
+            drawing.batches.flush()
+            yield f"merged {n}", float(told[0, 0]), drawing.frame.develop(LIGHT)
 
-    def _geometry(self, held: Iterable[str], near: float = math.inf, bias: float = 0.0) -> Picture:
-        options = RenderOptions(supersampling=SAMPLES, held=set(held), near_radius=near, bias=bias)
-        return render_world(self.world, self.camera, SIZE, options, self.cache)
+    def _leaves(self) -> list[CellEntry]:
+        return [self.tree.entries[leaf] for leaf in self.tree.leaves_below(self.cell)]
+
+    def _geometry(self, held: Iterable[str]) -> Picture:
+        """The leaves alone: what is held of their meshes shows in their neighbours too."""
+        drawing = self._drawing()
+        drawing.reader.draw(self._leaves(), drawing.batches, set(held))
+        return drawing.frame.develop(LIGHT)
+
+    def _drawing(self) -> _Drawing:
+        frame = self._empty()
+        return _Drawing(frame, NearGeometry(self.world, np.array(self.camera.eye)), Batches(GeometryPass(frame, LIGHT)))
 
     def _splatted(self, key: CellKey) -> Picture:
         frame, grid = self._empty(), self.world.grid

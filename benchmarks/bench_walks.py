@@ -2,7 +2,7 @@
 
     farfield bench walks [--quick] [--json]
     python benchmarks/bench_walks.py [garden|terrain ...] [--bandwidth B ...] [--order NAME ...] [--frames S]
-                                     [--pictures DIR] [--data DIR] [--work DIR]
+                                     [--seconds S] [--pictures DIR] [--data DIR] [--work DIR]
 
 The garden of 257 statues (40 s) and the terrain with 472 objects (its first 30 s), made of real statues, at 2,000,
 20,000 and 100,000 B/s, in real time. Orders: `session`, the server's own; `nearest` and `largest`, full meshes object
@@ -101,11 +101,12 @@ def scene(
     orders: Sequence[str] = ORDERS,
     frame_seconds: int = FRAME_SECONDS,
     pictures: Path | None = None,
+    seconds: float | None = None,
 ) -> dict[str, Any]:
-    """Bandwidth and order → figures. pictures: folder for curves and frames."""
+    """Bandwidth and order → figures. pictures: folder for curves and frames. seconds: of the path, 0: all."""
     world = made_world(name, data, work)
     path = read_path(work / f"{name}-scene/path.json")
-    stage = staged(str(world), path, SCENES[name].seconds, SIZE)
+    stage = staged(str(world), path, SCENES[name].seconds if seconds is None else seconds, SIZE)
     found: dict[str, Any] = {}
     for bandwidth in bandwidths:
         rows, curves, frames = {}, {}, {}
@@ -188,12 +189,15 @@ def main() -> None:
     parser.add_argument("--bandwidth", type=float, nargs="+", default=BANDWIDTHS)
     parser.add_argument("--order", nargs="+", default=ORDERS)
     parser.add_argument("--frames", type=int, default=FRAME_SECONDS)
+    parser.add_argument("--seconds", type=float, help="of the paths; 0: all of them")
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--work", type=Path, default=WORK)
     parser.add_argument("--pictures", type=Path)
     given = parser.parse_args()
     found = {
-        name: scene(name, given.data, given.work, given.bandwidth, given.order, given.frames, given.pictures)
+        name: scene(
+            name, given.data, given.work, given.bandwidth, given.order, given.frames, given.pictures, given.seconds
+        )
         for name in given.scenes
     }
     print(json.dumps(found, indent=1))

@@ -15,6 +15,8 @@ from farfield.geometry.cameras import Camera
 from farfield.octree.grid import CellKey
 from farfield.scene.model import Material, Mesh, Scene
 from farfield.store import MemoryStore
+from farfield.stream.tree import CellTree
+from farfield.view import kinds
 from farfield.view.picture import Picture
 from farfield.view.renderer import RenderOptions, render_world
 from farfield.world.world import World
@@ -116,6 +118,26 @@ def test_whole_pictures_show_houses_as_well(world: World) -> None:
     with_houses = drawn(world, pictures | merged(world, ROOT) | keys(world, "mesh"), FAR)
     assert with_houses.statistics.triangles > 0
     assert with_houses.statistics.cells == 0
+
+
+def test_pictures_that_show_houses_much_better_stay(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = keys(world, f"orthoview/{ROOT}/")
+    held = pictures | merged(world, ROOT) | keys(world, "mesh")
+    for less, cells in ((0.0, 0), (-1.0, 1)):
+        monkeypatch.setattr(kinds, "LESS", less)
+        assert drawn(world, held, FAR).statistics.cells == cells
+
+
+def test_pictures_show_no_more_from_farther(world: World) -> None:
+    """Than where their pixels are as wide as the screen's; those of leaves as they are told."""
+    tree, seen = CellTree.of(world), kinds.Kinds(world, np.zeros(3), 100.0, 10.0)
+    for number in (int(tree.roots[0]), int(np.flatnonzero(tree.levels == 0)[0])):
+        tree.told[number] = 0.1, 0.4, 0.5
+        seen._tree.told[number] = 0.1, 0.4, 0.5
+        pitch = tree.errors[number]
+        shown = [seen._by_pictures(number, np.asarray(width * pitch)) for width in (0.5, 1.0, 2.0)]
+        far = 0.75 if tree.levels[number] else 0.9
+        assert shown == pytest.approx([0.6, 0.75, far])
 
 
 def test_some_pictures_give_way(world: World) -> None:

@@ -124,6 +124,26 @@ describe("geometry of cells above the leaves", () => {
     expect(found.instances.map(({ form: { mesh } }) => mesh.key)).toEqual(["mesh/a2"]);
   });
 
+  it("is not in place of pictures that show the instances in it much better", () => {
+    const far = { near: 0.1, radius: 2, eye: [2, -12, 0.5] as Vector3 };
+    const solidsWith = (levelErrors: readonly number[], pictureErrors: readonly number[]): string[] => {
+      const [full, coarse] = STATUE.levels as [InstancedMesh["levels"][number], InstancedMesh["levels"][number]];
+      const instances = [{ ...STATUE, levels: [full, { ...coarse, errors: levelErrors }] }];
+      const { root, cell, leafOf } = makeSolidWorld(({ level, x, y }) => ({
+        errors: pictureErrors,
+        ...(level === 0 && x === 0 && y === 0 && { instances }),
+      }));
+      hold([leafOf("2/0/0/0"), ...tilesOf(root), cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);
+      return solids(plan(root, far));
+    };
+    // Pictures show .61; a quarter less may do for instances.
+    expect(solidsWith([160, 160, 160], [100, 100, 100])).toEqual(["2/0/0/0 0"]);
+    expect(solidsWith([180, 180, 180], [100, 100, 100])).toEqual([]);
+    // From where their pixels are narrower than the screen's the pictures of cells above the leaves are taken to show no more than there.
+    expect(solidsWith([40, 40, 40], [0, 255, 255])).toEqual(["2/0/0/0 0"]);
+    expect(solidsWith([40, 40, 40], [0, 0, 0])).toEqual([]);
+  });
+
   it("is drawn with those that reach into the picture from beside it", () => {
     const { root, cell, leafOf } = makeSolidWorld(withStatue);
     hold([leafOf("1/0/0/0"), cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);

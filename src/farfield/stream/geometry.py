@@ -92,7 +92,9 @@ class GeometryKind:
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
             if self.whole[row]:
-                comes = bool((accuracy[n] >= pictures[row] + MORE).any())
+                # Instances are seen by these pictures, and would be missed.
+                alone = not (merged[n] and len(tree.instances_below(int(regions.cells[row]))))
+                comes = alone and bool((accuracy[n] >= pictures[row] + MORE).any())
             else:
                 # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves
                 # with statues are 100 kB, for which nothing else was sent in 5 s.

@@ -19,6 +19,10 @@ from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
 
+LESS = 0.25
+"""Accuracy that instances in a cell may lack, on the mean, beside its pictures, for merged geometry to take the place
+of these. What is told of meshes is for a view from nearer, and has half as much on top (bake/instances.py): statues by
+levels of .28 look better so than in pictures of .07, woods on boards of .65 worse than in pictures of .14."""
 WHOLE = 1 - 1e-6
 """Share of a cell's pictures from which on they are all there."""
 
@@ -121,9 +125,13 @@ class Kinds:
         return best
 
     def _are_placed(self, number: int, held: Collection[str]) -> bool:
-        """Whether all instances in a cell that is farther than near can be drawn by something."""
-        rows = self._tree.instances_below(number).tolist()
-        return all(self._drawn_by(number, row, held, is_near=False) is not None for row in rows)
+        """Whether instances in a cell that is farther than near are drawn about as well as its pictures show them."""
+        drawn = [self._drawn_by(number, row, held, False) for row in self._tree.instances_below(number).tolist()]
+        if not all(placed for placed, _ in drawn):
+            return False
+        bounds = self._tree.bounds[number]
+        pictures = self._by_pictures(number, pixel_width(bounds, self._away(bounds), self._focal))
+        return not drawn or float(np.mean([shown for _, shown in drawn])) >= pictures - LESS
 
     def instances_of(
         self, cell: CellKey, held: Collection[str], is_near: bool, leaves: Collection[CellKey] = ()
@@ -139,15 +147,18 @@ class Kinds:
         for row in tree.instances_below(number).tolist():
             if leaves and self._is_within(tree.instances.bounds[row], leaves):
                 continue
-            instance = self._drawn_by(number, row, held, is_near)
+            instance, _ = self._drawn_by(number, row, held, is_near)
             if instance is not None:
                 found.append(instance)
         return found
 
-    def _drawn_by(self, cell: int, row: int, held: Collection[str], is_near: bool) -> PlacedInstance | None:
-        """An instance by the level or board that shows most of those that are held; None: it cannot be drawn."""
+    def _drawn_by(
+        self, cell: int, row: int, held: Collection[str], is_near: bool
+    ) -> tuple[PlacedInstance | None, float]:
+        """An instance by the level or board that shows most of those that are held; None, 0: it cannot be drawn."""
         mesh, most = self._mesh_of(cell, row, held, is_near)
-        return self._board_of(row, held, most) or mesh
+        board, shown = self._board_of(row, held, most)
+        return (board, shown) if board else (mesh, most)
 
     def _mesh_of(
         self, cell: int, row: int, held: Collection[str], is_near: bool
@@ -164,7 +175,7 @@ class Kinds:
                 return placed, self._shown(errors, self._width(row), MESH_FARTHEST)
         return None, 0.0
 
-    def _board_of(self, row: int, held: Collection[str], most: float) -> PlacedInstance | None:
+    def _board_of(self, row: int, held: Collection[str], most: float) -> tuple[PlacedInstance | None, float]:
         """An instance by the board that shows most of those that are held; None: none shows more than `most`."""
         listed = self._tree.instances
         mesh, transform = int(listed.mesh[row]), listed.transforms[row]
@@ -174,10 +185,10 @@ class Kinds:
             if shown > most:
                 found, most = board, shown
         if found is None:
-            return None
+            return None, most
         matrix = transform[:, :3] @ board_matrix(listed.boxes[mesh], found.angle)
         matrix[:, 3] += transform[:, 3]
-        return PlacedInstance(found.key, matrix, int(listed.objects[row]), listed.bounds[row], is_board=True)
+        return PlacedInstance(found.key, matrix, int(listed.objects[row]), listed.bounds[row], is_board=True), most
 
     def _board_by(self, impostor: Impostor, row: int, held: Collection[str]) -> tuple[_Board | None, float]:
         """The board of an instance that is seen most squarely of those that are held, and how much it shows."""
@@ -228,4 +239,14 @@ class Kinds:
         middle = tree.bounds[number].reshape(2, 3).mean(axis=0)
         value = tree.pictures(number, view_bin(middle, self._eye), self._least_gain)
         share = value.shown_by(set(held))
-        return share * float(picture_accuracy(tree.told[number], tree.errors[number] / width)), share
+        return share * self._by_pictures(number, width), share
+
+    def _by_pictures(self, number: int, width: NDArray[np.float64]) -> float:
+        """Accuracy of a cell's own pictures, all of them.
+
+        Above the leaves no better than where their pixels are as wide as the screen's: from farther they are told by
+        what their children's look like, .92 to .96 where .90 to .93 is measured (docs/performance.md, Accuracy).
+        """
+        tree = self._tree
+        pitch = float(tree.errors[number] / width)
+        return float(picture_accuracy(tree.told[number], max(pitch, 1.0) if tree.levels[number] > 0 else pitch))

@@ -119,6 +119,13 @@ class NearGeometry:
             batches.add(mesh.placed(transform, mesh.all_blocks, base, instance.first).chunk())
         return unreadable
 
+    def draw_placed(self, entry: CellEntry, batches: Batches) -> None:
+        """Draws the instances in a leaf, and nothing else of it. Raises CorruptTileError."""
+        assert entry.geometry is not None
+        key = geometry_key(entry.cell, entry.geometry.hash)
+        for placed in read_leaf_glb(self._read(key), key, self._texture).placed:
+            self._draw_instances(placed, entry.cell, self._world.grid.bounds(entry.cell)[0], batches)
+
     def _draw_leaf(self, entry: CellEntry, batches: Batches, geometry: GeometryLevel) -> None:
         key = geometry_key(entry.cell, geometry.hash)
         found = read_leaf_glb(self._read(key), key, self._texture)

@@ -73,14 +73,14 @@ class Observer:
         self._turn(math.atan2(pose.forward[1], pose.forward[0]), at)
         self._last = at
 
-    def view(self, pose: Pose, size: tuple[int, int], near_radius: float | None) -> View:
+    def view(self, pose: Pose, size: tuple[int, int], near_radius: float | None, dynamic: bool = True) -> View:
         """As it is said to the server."""
         eye, forward, velocity, acceleration = (
             tuple(vector.tolist()) for vector in (pose.eye, pose.forward, self.velocity, self.acceleration)
         )
         return View(
             eye, forward, pose.fov, size, velocity, self.turning, acceleration, near_radius, far_geometry=True,
-            dynamic_impostors=True,
+            dynamic_impostors=dynamic,
         )  # fmt: skip
 
     def _followed(self, eye: Floats, at: float) -> Floats:

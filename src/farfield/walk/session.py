@@ -52,6 +52,8 @@ class Walker:
     """Metres within which leaves are geometry; None: r, as the cut defines it."""
     seconds: float = 0.0
     """That the walk lasts; 0: to the end of the path."""
+    dynamic_impostors: bool = True
+    """Whether it draws images that are made on demand."""
 
     @property
     def length(self) -> float:
@@ -166,7 +168,8 @@ class _Client:
             _raise_what_ended(listening)
             pose = self._walker.poses.at(at)
             observer.see(pose, at)
-            view = observer.view(pose, self._walker.size, self._walker.near_radius)
+            walker = self._walker
+            view = observer.view(pose, walker.size, walker.near_radius, walker.dynamic_impostors)
             if view != said or at - said_at > VIEW_AGAIN:
                 said, said_at = view, at
                 self._say(socket, view)

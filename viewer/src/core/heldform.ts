@@ -1,7 +1,8 @@
 import type { Cell } from "./cell.js";
-import { accuracyOf, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
-import { heldBoards, isSeen, sightOf } from "./impostors.js";
-import { heldMesh, type PlacedMesh } from "./instances.js";
+import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
+import { bestShown, heldBoards, sightOf, type HeldBoards } from "./impostors.js";
+import { MESH_FARTHEST } from "./indextile.js";
+import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
 import { pictureAccuracy } from "./stream/accuracy.js";
@@ -10,6 +11,11 @@ import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** A cell higher up lists nothing below itself: it has no form of its own where more than 256 leaves do (spec/world.md). */
 const HIGHEST_WITH_INSTANCES = 4;
+/**
+ * Accuracy that instances in a cell may lack, on the mean, beside its pictures, for its own form to take their place: what is told of
+ * meshes has half as much on top.
+ */
+const LESS = 0.25;
 
 /** How what is far is looked at. */
 export interface FarView {
@@ -84,18 +90,46 @@ function bestOf(forms: readonly CellForm[], cell: Cell, { eye, focal, grid }: Fa
   const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
   const each = forms.map((form) => accuracyOf(form, of, pitch, width));
   const most = Math.max(...each);
-  const shown = pictures * pictureAccuracy(cell.told, (pitch * 2 ** cell.level) / width);
+  const shown = pictures * shownByPictures(cell, pitch, width);
   return most >= shown ? forms[each.indexOf(most)]! : null;
 }
 
-/** Whether each instance that is listed below a cell farther away than near can be drawn by something that is held. */
-function showsInstances(cell: Cell, { eye, grid }: FarView): boolean {
-  if (!isKnownBelow(cell)) return cell.level > HIGHEST_WITH_INSTANCES;
-  const finest = finestAfar(cell, grid.resolution);
-  return [...meshesBelow(cell)].every(([forms, all]) => (finest < Infinity && heldMesh(forms, finest)) || areOnBoards(all, eye));
+/**
+ * How well all of a cell's own pictures show it where a pixel is `width` metres wide: above the leaves no better than where their pixels
+ * are as wide as the screen's, as is measured.
+ */
+function shownByPictures({ told, level }: Pick<Cell, "told" | "level">, pitch: number, width: number): number {
+  const own = (pitch * 2 ** level) / width;
+  return pictureAccuracy(told, level > 0 ? Math.max(own, 1) : own);
 }
 
-function areOnBoards(all: readonly PlacedMesh[], eye: Vector3): boolean {
-  const held = heldBoards(all[0]!.impostors);
-  return held.length > 0 && all.every((placed) => placed.instances.every((instance) => isSeen(held, sightOf(placed, instance, eye))));
+/**
+ * Whether each instance that is listed below a cell farther away than near can be drawn by something that is held, and all of them, on the
+ * mean, about as well as the cell's pictures show them.
+ */
+function showsInstances(cell: Cell, view: FarView): boolean {
+  if (!isKnownBelow(cell)) return cell.level > HIGHEST_WITH_INSTANCES;
+  const { eye, focal, grid } = view;
+  const pitch = grid.leafSize / grid.resolution;
+  const finest = finestAfar(cell, grid.resolution);
+  const shown = [...meshesBelow(cell)].flatMap(([forms, all]) => {
+    const form = finest < Infinity ? heldMesh(forms, finest) : null;
+    const boards = heldBoards(all[0]!.impostors);
+    return all.flatMap((placed) => placed.instances.map((instance) => instanceShown(placed, instance, form, boards, view)));
+  });
+  if (shown.length === 0) return true;
+  const pictures = shownByPictures(cell, pitch, pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal));
+  const mean = shown.reduce<number>((sum, one) => sum + (one ?? 0), 0) / shown.length;
+  return shown.every((one) => one !== null) && mean >= pictures - LESS;
+}
+
+/** How much of an instance is shown by a form of its mesh, or by the best of some boards; null: it cannot be drawn. */
+function instanceShown(
+  placed: PlacedMesh, instance: Instance, form: MeshForm | null, boards: readonly HeldBoards[], { eye, focal, grid }: FarView,
+): number | null {
+  const pitch = grid.leafSize / grid.resolution;
+  const width = pixelWidth(instance.bounds, distanceTo(instance.bounds, eye), focal);
+  const least = form ? 1 - errorAt(form, pitch, width, MESH_FARTHEST) : 0;
+  const [board, shown] = boards.length > 0 ? bestShown(boards, sightOf(placed, instance, eye), pitch, width, least) : [null, least];
+  return form || board ? shown : null;
 }

@@ -106,16 +106,16 @@ export function squareness(board: Board, sight: Sight): number {
   return sine * sine * sine;
 }
 
-/** Whether a board that is there shows anything of an instance. */
-export function isSeen(held: readonly HeldBoards[], sight: Sight): boolean {
-  return held.some(({ boards }) => boards.some((board) => sineOf(board, sight) > 0));
-}
-
 /**
  * The board by which most of an instance is seen, of those that show more of it than `least`; null: none does. pitch: metres between the
  * pixels of a leaf's pictures. width: metres that a pixel is wide there.
  */
-export function bestBoard(held: readonly HeldBoards[], sight: Sight, pitch: number, width: number, least: number): Board | null {
+export function bestBoard(...of: Parameters<typeof bestShown>): Board | null {
+  return bestShown(...of)[0];
+}
+
+/** The same, and how much of the instance it shows; `least`, where none does. */
+export function bestShown(held: readonly HeldBoards[], sight: Sight, pitch: number, width: number, least: number): readonly [Board | null, number] {
   let [best, most]: [Board | null, number] = [null, least];
   for (const form of held) {
     const like = 1 - errorAt(form, pitch, width, MESH_FARTHEST);
@@ -125,7 +125,7 @@ export function bestBoard(held: readonly HeldBoards[], sight: Sight, pitch: numb
     const shown = like * squareness(board, sight);
     if (shown > most) [best, most] = [board, shown];
   }
-  return best;
+  return [best, most];
 }
 
 /** For each instance of a mesh with boards: where its middle is, local metres, and three rows of three from there to the mesh's frame. */

@@ -246,8 +246,10 @@ export class Pictures implements Offering<Part> {
       if (!accuracy.some((one) => one > 0)) return [];
       const lacks = this.lacking(form.resources, form.images);
       // What is placed in a cell that is farther comes first, level by level.
+      // Instances are seen by the pictures, and would be missed.
+      const isAlone = !form.own || instancesBelow(cell).length === 0;
       const comes = isWhole
-        ? accuracy.some((one, k) => one >= this.picturesOf(cell, widths[k]!) + MORE)
+        ? isAlone && accuracy.some((one, k) => one >= this.picturesOf(cell, widths[k]!) + MORE)
         : isEverNear || form.listed.every(({ state }) => state !== "absent");
       return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
     });
