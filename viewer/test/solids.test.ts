@@ -124,6 +124,15 @@ describe("geometry of cells above the leaves", () => {
     expect(found.instances.map(({ form: { mesh } }) => mesh.key)).toEqual(["mesh/a2"]);
   });
 
+  it("is taken to show half as much as long as the leaves below, which may list instances, are not known", () => {
+    const shown = (changes: Partial<Cell>): number => {
+      const cell = Object.assign(makeSolidWorld().cell("1/0/0/0"), changes);
+      return accuracyOf(formsOf(cell, 16).find((form) => form.own)!, cell, 1 / 16, 0.01);
+    };
+    expect(shown({})).toBeGreaterThan(0.5);
+    expect(shown({ children: null, indexHash: "ab" })).toBeCloseTo(shown({}) / 2, 9);
+  });
+
   it("is not in place of pictures that show the instances in it much better", () => {
     const far = { near: 0.1, radius: 2, eye: [2, -12, 0.5] as Vector3 };
     const solidsWith = (levelErrors: readonly number[], pictureErrors: readonly number[]): string[] => {

@@ -15,6 +15,13 @@ const MESH_TRIANGLES = 1;
 const FIRST_OWN = 32;
 /** Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 (near/leaflookup.ts). */
 const REACH = 120;
+/** A cell higher up lists nothing below itself: it has no form of its own where more than 256 leaves do (spec/world.md). */
+const HIGHEST_WITH_INSTANCES = 4;
+/**
+ * Of what a form of a cell's own shows, as long as the leaves below are not known, which may list instances that it lacks: in a city of
+ * houses placed one by one it is bare ground, and was drawn for a second before any picture of the houses.
+ */
+const UNSEEN = 0.5;
 /** Views that errors are told for. */
 const REACHES = 3;
 /** Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it. */
@@ -97,7 +104,7 @@ export function comingForms(cell: Cell): readonly Resource[] {
 
 /** Whether all leaves below are known, as far as they count. */
 export function isKnownBelow(cell: Cell): boolean {
-  return leavesBelow(cell) !== null;
+  return known.has(cell) || leavesBelow(cell) !== null;
 }
 
 /** Cells at or below one under which the index has not been read; none where too many leaves are known for them to be geometry together. */
@@ -177,8 +184,15 @@ export function isWithinReach(away: number, leafSize: number): boolean {
 }
 
 /** How well a form shows a cell where a pixel is `width` metres wide: 1 = as the full geometry. From nearer than is told of its own forms go on as pictures do. */
-export function accuracyOf(form: CellForm, { level }: Cell, pitch: number, width: number): number {
-  return form.own ? pictureAccuracy(form.told, (pitch * 2 ** level) / width) : 1 - errorAt(form, pitch, width);
+export function accuracyOf(form: CellForm, cell: Cell, pitch: number, width: number): number {
+  if (!form.own) return 1 - errorAt(form, pitch, width);
+  const shown = pictureAccuracy(form.told, (pitch * 2 ** cell.level) / width);
+  return mayListInstances(cell) && !isKnownBelow(cell) ? UNSEEN * shown : shown;
+}
+
+/** Whether instances may be listed below a cell, which a form of its own does not show. */
+export function mayListInstances({ level }: Pick<Cell, "level">): boolean {
+  return level <= HIGHEST_WITH_INSTANCES;
 }
 
 /**

@@ -1,5 +1,5 @@
 import type { Cell } from "./cell.js";
-import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
+import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, mayListInstances, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
 import { bestShown, heldBoards, sightOf, type HeldBoards } from "./impostors.js";
 import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
@@ -9,8 +9,6 @@ import { pictureAccuracy } from "./stream/accuracy.js";
 import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
-/** A cell higher up lists nothing below itself: it has no form of its own where more than 256 leaves do (spec/world.md). */
-const HIGHEST_WITH_INSTANCES = 4;
 /**
  * Accuracy that instances in a cell may lack, on the mean, beside its pictures, for its own form to take their place: what is told of
  * meshes has half as much on top.
@@ -108,7 +106,7 @@ function shownByPictures({ told, level }: Pick<Cell, "told" | "level">, pitch: n
  * mean, about as well as the cell's pictures show them.
  */
 function showsInstances(cell: Cell, view: FarView): boolean {
-  if (!isKnownBelow(cell)) return cell.level > HIGHEST_WITH_INSTANCES;
+  if (!isKnownBelow(cell)) return !mayListInstances(cell);
   const { eye, focal, grid } = view;
   const pitch = grid.leafSize / grid.resolution;
   const finest = finestAfar(cell, grid.resolution);
