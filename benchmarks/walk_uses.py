@@ -19,7 +19,7 @@ from farfield.walk.measure import (
 )
 from farfield.walk.session import Received, Walker
 from farfield.walk.walk import WalkedWorld, WalkOptions
-from farfield.world.keys import orthoview_key, texture_key
+from farfield.world.keys import orthoview_key
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ class _Uses:
     def _look_at_boards(self, sight: Sight, most: Floats) -> None:
         """most: (k,) accuracy of each piece by the best that is held."""
         for mesh, number, pieces, accuracy in self._boards.all_accuracies(sight):
-            keys = [texture_key(name) for name, _ in self._tree.instances.impostors[mesh][number].images]
+            keys = self._boards.keys(mesh, number)
             used = (accuracy > 0) & (accuracy >= most[pieces, None])
             self._shown.update(
                 keys[side] for side in np.flatnonzero(used.any(axis=0)).tolist() if keys[side] in self._keys

@@ -203,8 +203,8 @@ class HeldBoards:
         impostors = tree.instances.impostors
         self._held = tuple(tuple(np.zeros(len(one.images), bool) for one in own) for own in impostors)
         """Of each mesh, of each of its impostors, (sides,)."""
-        self._dynamic: dict[tuple[int, int], list[Floats]] = {}
-        """Mesh and number of its impostor -> angles of the images that were made on demand."""
+        self._dynamic: dict[tuple[int, int], dict[str, Floats]] = {}
+        """Mesh and number of its impostor -> keys and angles of the images that were made on demand."""
         self._numbers = {
             (forms.values[0].cell, impostor.rows): (mesh, number)
             for mesh, (forms, own) in enumerate(zip(tree.instances.forms, impostors, strict=True))
@@ -222,7 +222,7 @@ class HeldBoards:
             self._held[mesh][number][side] = True
         dynamic = DynamicImpostor.of(key)
         if dynamic and (of := self._numbers.get((dynamic.mesh, dynamic.rows))):
-            self._dynamic.setdefault(of, []).append(dynamic_angle(dynamic.turn, dynamic.tilt))
+            self._dynamic.setdefault(of, {})[key] = dynamic_angle(dynamic.turn, dynamic.tilt)
 
     def accuracy(self, sight: Sight) -> Floats:
         """See HeldKind."""
@@ -232,6 +232,11 @@ class HeldBoards:
             best = np.where(held, accuracy, 0.0).max(axis=1)
             found[pieces] = np.maximum(found[pieces], best)
         return found
+
+    def keys(self, mesh: int, number: int) -> list[str]:
+        """Of all boards of an impostor, in the order of `all_accuracies`."""
+        images = self._tree.instances.impostors[mesh][number].images
+        return [*(texture_key(name) for name, _ in images), *self._dynamic.get((mesh, number), {})]
 
     def all_accuracies(self, sight: Sight) -> Iterator[tuple[int, int, NDArray[np.int64], Floats]]:
         """Of all boards, held or not, impostor by impostor: its mesh and number; pieces, (l,); (l, boards) accuracy.
@@ -247,7 +252,7 @@ class HeldBoards:
                 sight.metres[pieces] / np.maximum(listed.bounds[own, 5] - listed.bounds[own, 2], 1e-9), 1
             )
             for number, impostor in enumerate(listed.impostors[mesh]):
-                angles = np.array([*side_angles(len(impostor.images)), *self._dynamic.get((mesh, number), ())])
+                angles = np.array([*side_angles(len(impostor.images)), *self._dynamic.get((mesh, number), {}).values()])
                 square = squareness(sines(listed.boxes[mesh], angles, listed.transforms[own], sight.eye[None]))[:, 0]
                 sharp = impostor_accuracy(impostor.rows * share, height, np.pi / 2)
                 yield mesh, number, pieces, sharp[:, None] * square
