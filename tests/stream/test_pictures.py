@@ -10,6 +10,7 @@ import pytest
 from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import FULL_SINE, directions, dynamic_angle
+from farfield.stream import boards
 from farfield.stream.geometry import FINE, MORE
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
@@ -397,3 +398,25 @@ def test_who_looks_down_is_offered_images_made_on_demand() -> None:
         assert best not in again
         assert shown[count + middle, 0, 0] == pytest.approx(found[best][count + middle], abs=1e-6)
         assert shown[count + middle, 0, 0] > none[count + middle, 0, 0]
+
+
+def test_of_images_made_on_demand_more_come_as_soon_as_some_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look offers a few alone, of those that are not held."""
+    tree, most = flat_tree(statues=True, boards=True), 2
+    monkeypatch.setattr(boards, "MOST_DYNAMIC", most)
+    seen = Viewing(0.0, np.array([32.0, 10.0, 40.0]), np.array([0.0, 0.5, -(0.75**0.5)]), 60.0, (100, 100))
+    held: set[str] = set()
+    for _ in range(10):
+        regions = Regions(tree, Shape(dynamic_impostors=True))
+        pictures = Pictures(regions)
+        pictures.keep(held)
+        offers, _ = offers_of(pictures, regions, seen)
+        keys = ("".join(pictures.take(n).keys[:1]) for n in range(len(offers.sizes)))
+        made = {key for key in keys if key.startswith("impostor/")}
+        assert len(made) <= most
+        assert not made & held
+        if not made:
+            break
+        held |= made
+    assert len(held) > 2 * most
+    assert not made

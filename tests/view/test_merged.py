@@ -132,7 +132,6 @@ def test_pictures_show_no_more_from_farther(world: World) -> None:
     """Than where their pixels are as wide as the screen's; those of leaves as they are told."""
     tree, seen = CellTree.of(world), kinds.Kinds(world, np.zeros(3), 100.0, 10.0)
     for number in (int(tree.roots[0]), int(np.flatnonzero(tree.levels == 0)[0])):
-        tree.told[number] = 0.1, 0.4, 0.5
         seen._tree.told[number] = 0.1, 0.4, 0.5
         pitch = tree.errors[number]
         shown = [seen._by_pictures(number, np.asarray(width * pitch)) for width in (0.5, 1.0, 2.0)]

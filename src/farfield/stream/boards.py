@@ -16,8 +16,8 @@ from farfield.world.keys import TILTS, TURNS
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]
 MOST_DYNAMIC = 32
-"""Dynamic impostors that a look offers, those of which most will be seen: each is compared with all instances of its
-mesh."""
+"""Dynamic impostors that a look offers, those of which most will be seen, and twice as many of those that are held:
+each is compared with all instances of its mesh."""
 
 
 def board_offers(
@@ -54,12 +54,15 @@ def board_offers(
     sharp = np.minimum(table.rows[which, None] / np.maximum(outlook.height[uses[row]], 1e-9), 1.0)
     shown = np.where(drawn[row], (1 - fine) * (1 - errors) + fine * sharp, 0.0)
     codes = _sides_from(which, table.sides[which, None], sights)
-    found = [codes[visible > 0]]
-    if dynamic:
-        found.append(_dynamic_from(which, codes, table, sights, np.where(drawn[row], visible, 0.0)))
     present = set(which.tolist())
-    there = [code for key in held if (code := table.code_of(key)) is not None and code // SLOTS in present]
-    codes = np.unique(np.concatenate([*found, np.array(there, np.int64)]))
+    there = np.array([code for key in held if (code := table.code_of(key)) is not None and code // SLOTS in present])
+    there = there.astype(np.int64)
+    wanted = _dynamic_from(which, codes, table, sights, np.where(drawn[row], visible, 0.0))
+    is_baked = there % SLOTS < MOST_SIDES
+    found = [codes[visible > 0], there[is_baked], _of_use(there[~is_baked], wanted)[: 2 * MOST_DYNAMIC]]
+    if dynamic:
+        found.append(wanted[~np.isin(wanted, there)][:MOST_DYNAMIC])
+    codes = np.unique(np.concatenate(found))
     # Each image with all pairs of its impostor.
     begins, ends = (np.searchsorted(which, codes // SLOTS, side) for side in ("left", "right"))
     length = ends - begins
@@ -78,7 +81,7 @@ def _sides_from(which: Codes, sides: NDArray[np.int64], sights: Floats) -> Codes
 
 
 def _dynamic_from(which: Codes, codes: Codes, table: Boards, sights: Floats, visible: Floats) -> Codes:
-    """Those that are nearest to lines of sight to which no side stands squarely; of which most is seen."""
+    """Those that are nearest to lines of sight to which no side stands squarely, that of which most is seen first."""
     towards = _directions(codes.ravel(), table).reshape(sights.shape)
     row, interval = np.nonzero((visible > 0) & ((sights * towards).sum(axis=2) < FULL_SINE) & sights.any(axis=2))
     sight = sights[row, interval]
@@ -88,7 +91,20 @@ def _dynamic_from(which: Codes, codes: Codes, table: Boards, sights: Floats, vis
     turn[(tilt == 0) | (tilt == TILTS)] = 0
     found, of = np.unique(which[row] * SLOTS + MOST_SIDES + tilt * TURNS + turn, return_inverse=True)
     seen = np.bincount(of, visible[row, interval], len(found))
-    return np.asarray(found[np.argsort(-seen, kind="stable")[:MOST_DYNAMIC]])
+    return np.asarray(found[np.argsort(-seen, kind="stable")])
+
+
+def _of_use(held: Codes, wanted: Codes) -> Codes:
+    """Of dynamic impostors those that are wanted, in that order, then their neighbours, for who goes on a little."""
+    which, (tilt, turn) = wanted // SLOTS, np.divmod(wanted % SLOTS - MOST_SIDES, TURNS)
+    beside = [
+        which * SLOTS + MOST_SIDES + np.clip(tilt + up, 0, TILTS) * TURNS + (turn + along) % TURNS
+        for up in (-1, 0, 1)
+        for along in (-1, 0, 1)
+    ]
+    first = wanted[np.isin(wanted, held)]
+    others = held[np.isin(held, np.concatenate([np.zeros(0, np.int64), *beside])) & ~np.isin(held, first)]
+    return np.concatenate([first, others])
 
 
 def _directions(codes: Codes, table: Boards) -> Floats:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ MOST_TEXELS = 32 << 20
 """Of their images, 128 MB and a third more in smaller sizes; what is larger is decoded anew."""
 MOST_BYTES = 16 << 20
 """Of images that are kept: 10,000 and more."""
+MOST_ROWS = 768
+"""Of an image."""
 MOST_WAITING = 4
 """Images that are waited for, from which on none should be asked for: a second of a core."""
 
@@ -59,7 +61,7 @@ class _Source:
 
 
 class ImpostorMaker:
-    """Makes the dynamic impostors of one generation of a world, one at a time, for any number of threads."""
+    """Makes the dynamic impostors of one generation of a world, one at a time, in a thread of its own."""
 
     def __init__(self, store: Store, instances: Instances) -> None:
         """instances: of the world, whose meshes may be asked for."""
@@ -71,37 +73,48 @@ class ImpostorMaker:
         self._meshes: OrderedDict[str, _Drawable] = OrderedDict()
         self._images: OrderedDict[str, bytes] = OrderedDict()
         self._bytes = 0
-        self._waiting = 0
-        self._making, self._counting = Lock(), Lock()
+        self._worker = ThreadPoolExecutor(1, "impostors")
+        self._waited_for: set[Future[bytes]] = set()
 
     @property
     def is_busy(self) -> bool:
         """Whether so many images are waited for that no other should be."""
-        return self._waiting >= MOST_WAITING
+        self._waited_for = {one for one in self._waited_for if not one.done()}
+        return len(self._waited_for) >= MOST_WAITING
+
+    def begin(self, wanted: DynamicImpostor) -> Future[bytes]:
+        """Has an image made: WebP with alpha. It fails with StoreError or CorruptTileError, see `image`.
+
+        This and `is_busy` are for one thread, such as that of an event loop.
+        """
+        begun = self._worker.submit(self._image, wanted)
+        self._waited_for.add(begun)
+        return begun
 
     def image(self, wanted: DynamicImpostor) -> bytes:
         """WebP with alpha. Raises StoreError, and CorruptTileError: its mesh is damaged, or missing."""
-        with self._counting:
-            self._waiting += 1
-        try:
-            with self._making:
-                return self._image(wanted)
-        finally:
-            with self._counting:
-                self._waiting -= 1
+        return self._worker.submit(self._image, wanted).result()
 
     def _image(self, wanted: DynamicImpostor) -> bytes:
         found = self._images.get(wanted.key)
         if found is None:
-            mesh = self._mesh(wanted.mesh)
-            angle = dynamic_angle(wanted.turn, wanted.tilt)
-            found = impostor_image(mesh.chunk, mesh.materials, self._sources[wanted.mesh].bounds, wanted.rows, angle)
+            found = self._drawn(wanted)
             self._images[wanted.key] = found
             self._bytes += len(found)
         self._images.move_to_end(wanted.key)
         while self._bytes > MOST_BYTES:
             self._bytes -= len(self._images.popitem(last=False)[1])
         return found
+
+    def _drawn(self, wanted: DynamicImpostor) -> bytes:
+        if wanted.rows > MOST_ROWS:
+            raise CorruptTileError(f"an impostor of more than {MOST_ROWS} rows", wanted.key)
+        mesh, angle = self._mesh(wanted.mesh), dynamic_angle(wanted.turn, wanted.tilt)
+        try:
+            return impostor_image(mesh.chunk, mesh.materials, self._sources[wanted.mesh].bounds, wanted.rows, angle)
+        except (ArithmeticError, ValueError, OSError) as error:
+            # Bounds that are flat, or have nothing to do with the mesh.
+            raise CorruptTileError(f"its mesh cannot be drawn: {error}", wanted.key) from None
 
     def _mesh(self, name: str) -> _Drawable:
         if name not in self._sources:

@@ -84,13 +84,15 @@ class Kinds:
         away = self._away(bounds)
         width = pixel_width(bounds, away, self._focal)
         may_be = forms.far & (forms.is_merged | (away < REACH * tree.grid.leaf_size))
-        best = self._best(forms, may_be, number, width, held)
         pictures, share = self._pictures(number, width, held)
+        best = self._best(forms, may_be, number, width, held)
+        if best and forms.is_merged[best[0]] and share >= WHOLE and not self._are_placed(number, held):
+            best = self._best(forms, may_be & ~forms.is_merged, number, width, held)
         if best is None or best[1] < pictures:
             return []
-        if not forms.is_merged[best[0]]:
-            return [tree.entries[leaf] for leaf in tree.leaves_below(number)]
-        return [tree.entries[number]] if share < WHOLE or self._are_placed(number, held) else []
+        if forms.is_merged[best[0]]:
+            return [tree.entries[number]]
+        return [tree.entries[leaf] for leaf in tree.leaves_below(number)]
 
     def stands_in(self, cell: CellKey, held: Collection[str]) -> bool:
         """Whether a cell above others stands in for them by merged geometry, and not by its pictures."""

@@ -59,6 +59,8 @@ interface Placed {
 const NOTHING: Placed = { all: [], byMesh: new Map(), bounds: null, finest: Infinity };
 const known = new WeakMap<Cell, readonly CellForm[]>();
 const placed = new WeakMap<Cell, Placed>();
+/** Cells below which all leaves are known: that does not change. */
+const whole = new WeakSet<Cell>();
 
 /**
  * Those of the leaves from fine to coarse, none where a leaf has none or not all are known yet, then the cell's own; the twin of
@@ -104,7 +106,10 @@ export function comingForms(cell: Cell): readonly Resource[] {
 
 /** Whether all leaves below are known, as far as they count. */
 export function isKnownBelow(cell: Cell): boolean {
-  return known.has(cell) || leavesBelow(cell) !== null;
+  if (whole.has(cell)) return true;
+  if (leavesBelow(cell) === null) return false;
+  whole.add(cell);
+  return true;
 }
 
 /** Cells at or below one under which the index has not been read; none where too many leaves are known for them to be geometry together. */

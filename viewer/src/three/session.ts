@@ -33,6 +33,8 @@ import type { Viewpoint } from "./viewpoint.js";
 
 /** Milliseconds for which a new generation waits to be complete once the view moves: a flight may never rest. */
 const PATIENCE_MS = 3000;
+/** After which an eye that has not moved rests, for certain (Observer). */
+const REST_MS = 600;
 /** Milliseconds for which shadows stay as they are while things come in. */
 const SHADOWS_MS = 4000;
 
@@ -79,6 +81,7 @@ export class Session {
   next: WorldIndex | null = null;
   private movedAt: number | null = null;
   private number = 0;
+  private resting: ReturnType<typeof setTimeout> | undefined;
   private viewpoint: Viewpoint | null = null;
   private view: PlanView | null = null;
   private ahead = new LookAhead();
@@ -227,7 +230,9 @@ export class Session {
     this.loader.want(all, this.number, drawnBy(plan), this.next !== null);
     this.push?.settle(all);
     // Who moves on has no use for it by the time it is there.
-    if (this.parts.options().benefit && isAtRest(viewing)) index.explore(this.ranking.unknown);
+    if (isAtRest(viewing)) {
+      if (this.parts.options().benefit) index.explore(this.ranking.unknown);
+    } else this.lookAgain();
     // Last: what the loader asks for now the server knows of by then.
     this.push?.see(this.told(viewing, view));
     if (next.taken) this.loader.cache.dropGone();
@@ -235,6 +240,17 @@ export class Session {
     // A picture that is complete has its own shadows at once.
     if (picture && this.pending === 0) this.castersAt = -Infinity;
     return { picture, detail, generation: next.taken };
+  }
+
+  /** More of the index is known. */
+  grown(): void {
+    this.ranking.forget();
+  }
+
+  /** Plans once more when the eye rests, if nothing else does: who stands has use for other things. */
+  private lookAgain(): void {
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => this.events.unforeseen?.(), REST_MS);
   }
 
   /** Wants in the order in which they are to be fetched. */
@@ -405,6 +421,7 @@ export class Session {
   }
 
   dispose(): void {
+    clearTimeout(this.resting);
     this.push?.close();
     this.next?.close();
     this.index.close();

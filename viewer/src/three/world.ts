@@ -227,7 +227,10 @@ export class FarfieldWorld extends Object3D {
     this.servers = servers;
     const index = new WorldIndex(manifest, servers, {
       bad: (key, error, of) => this.doubt(key, error, () => of.manifest === this.session?.newest),
-      grown: () => this.changed(),
+      grown: () => {
+        this.session?.grown();
+        this.changed();
+      },
     });
     const { pool, light, group, frame, shadows, inner } = this;
     const renderer = (): WebGLRenderer => this.renderer!;

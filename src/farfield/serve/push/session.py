@@ -36,7 +36,7 @@ from farfield.stream.regions import Shape
 from farfield.stream.scheduler import Scheduler
 from farfield.stream.tree import CellTree
 from farfield.view.impostors import ImpostorMaker
-from farfield.world.keys import DynamicImpostor
+from farfield.world.keys import DYNAMIC, DynamicImpostor
 
 AHEAD_SECONDS = 0.5
 """Of the link that may be under way beside what a round trip holds: what turns out to be more urgent waits no longer.
@@ -49,6 +49,8 @@ OWN_SHARE = 0.25
 second until that is taken in."""
 STANDING_SHARE = 0.5
 """Of the time that a viewer has stood: after so long it is looked at again."""
+MOST_MADE = 10_000
+"""Images made on demand that it may say it holds: each is looked up by its name in every look."""
 MOST_HELD = 200_000
 """Keys that a viewer may say it holds: some 27 MB of them."""
 BLOCK = 16 * PIECE
@@ -102,6 +104,8 @@ class Session:
         self._pieces = self._acknowledged = 0
         self._values = 0
         self._is_idle = False
+        self._has_made_all = True
+        """No image that was to be made on demand could not."""
 
     @property
     def bandwidth(self) -> float:
@@ -133,7 +137,10 @@ class Session:
     def hold(self, keys: tuple[str, ...]) -> None:
         """The viewer has these. Raises ProtocolError when it says so of too many."""
         own = self.held + len(keys)
-        if own > MOST_HELD or (own > FAIR_HELD and self._pace.held + len(keys) > MOST_HELD_BY_ALL):
+        made = sum(key.startswith(DYNAMIC) for key in keys)
+        if made:
+            made += sum(key.startswith(DYNAMIC) for key in self._pictures.held)
+        if own > MOST_HELD or made > MOST_MADE or (own > FAIR_HELD and self._pace.held + len(keys) > MOST_HELD_BY_ALL):
             raise ProtocolError("holds too much")
         self._pictures.hold(keys)
 
@@ -192,7 +199,7 @@ class Session:
             return
         begun = perf_counter()
         self._looked_at, self._looked, self._due = view, now, False
-        may_make = view.dynamic_impostors and not self._world.impostors.is_busy
+        may_make = view.dynamic_impostors and self._may_make
         self._regions.shape = Shape(view.near_radius, view.bias, view.least_gain, view.far_geometry, may_make)
         forward = np.array(view.forward, np.float64)
         length = float(np.linalg.norm(forward))
@@ -205,6 +212,11 @@ class Session:
         self._scheduler.follow(seen, now)
         self._look_seconds = perf_counter() - begun
         self._pace.took(self._look_seconds)
+
+    @property
+    def _may_make(self) -> bool:
+        """Whether images may be made on demand now."""
+        return self._has_made_all and not self._world.impostors.is_busy
 
     @property
     def _pause(self) -> float:
@@ -235,6 +247,8 @@ class Session:
 
     async def _send_value(self, key: str, item: SentCell) -> bool:
         """Whether it was not given up on the way."""
+        if key.startswith(DYNAMIC) and not self._may_make:
+            return False
         begun = False
         try:
             block = await self._read(key, 0)
@@ -255,12 +269,16 @@ class Session:
             if begun:
                 await self._send(write(Cancelled(self._values)))
             await self._send(write(Missing(key)))
+            if key.startswith(DYNAMIC):
+                # Its mesh would be damaged from other sides, too; and what was never there is not taken to be seen.
+                self._has_made_all = False
+                self._leave((key,))
         return True
 
     async def _read(self, key: str, offset: int) -> bytes:
         """So much of a value as is in memory at once."""
         if dynamic := DynamicImpostor.of(key):
-            return (await run_in_threadpool(self._world.impostors.image, dynamic))[offset:][:BLOCK]
+            return (await asyncio.wrap_future(self._world.impostors.begin(dynamic)))[offset:][:BLOCK]
         return await run_in_threadpool(self._world.store.get_range, key, offset, BLOCK)
 
     async def _send_piece(self, offset: int, part: bytes, item: SentCell) -> bool:

@@ -111,7 +111,11 @@ export class Pictures implements Offering<Part> {
    * Cells of whose pictures most are there and below which the index has not been read, though geometry of leaves there might show
    * enough more; as of the last offers, those with most to show first. The cut itself needs nothing below them.
    */
-  unknown: readonly Cell[] = [];
+  get unknown(): readonly Cell[] {
+    return this.worthwhile.flatMap(unreadBelow);
+  }
+
+  private worthwhile: readonly Cell[] = [];
 
   constructor(private readonly view: () => CellsView) {}
 
@@ -158,7 +162,7 @@ export class Pictures implements Offering<Part> {
     });
     const all = this.cells.reduce((sum, _, object) => sum + outlook.visible[object * outlook.eyes.length]!, 0);
     const worthwhile = unknown.filter(({ worth }) => worth >= WORTH_READING * all).sort((a, b) => b.worth - a.worth);
-    this.unknown = worthwhile.flatMap(({ cell }) => unreadBelow(cell));
+    this.worthwhile = worthwhile.map(({ cell }) => cell);
     geometry.push(...[...below].flatMap(([above, cells]) => this.standInsOf(above, cells)));
     this.placed.forEach(({ home, bounds }, n) => {
       const seen = this.seenFrom(bounds, this.cells.length + n, outlook);
@@ -245,12 +249,12 @@ export class Pictures implements Offering<Part> {
       });
       if (!accuracy.some((one) => one > 0)) return [];
       const lacks = this.lacking(form.resources, form.images);
-      // What is placed in a cell that is farther comes first, level by level.
       // Instances are seen by the pictures, and would be missed.
       const isAlone = !form.own || instancesBelow(cell).length === 0;
       const comes = isWhole
         ? isAlone && accuracy.some((one, k) => one >= this.picturesOf(cell, widths[k]!) + MORE)
-        : isEverNear || form.listed.every(({ state }) => state !== "absent");
+        : // What is placed in a cell that is farther comes first, level by level.
+          isEverNear || form.listed.every(({ state }) => state !== "absent");
       return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
     });
   }

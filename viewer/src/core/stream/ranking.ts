@@ -35,6 +35,11 @@ export class Ranking {
     this.scheduler = new Scheduler(this.pictures, () => this.far(), () => link);
   }
 
+  /** More of the index is known: the next order is a new one. */
+  forget(): void {
+    this.rankedAt = -Infinity;
+  }
+
   /** Cells below which the index is to be read, too; see Pictures. */
   get unknown(): readonly Cell[] {
     return this.pictures.unknown;
