@@ -167,6 +167,18 @@ describe("makePlan", () => {
     expect(drawn(plan(root, near))).not.toContain("0,0,0 0");
   });
 
+  it("leaves out of what reaches into leaves that are left out what is there", () => {
+    const transforms = [[1, 0, 0, -0.05, 0, 1, 0, 0.5, 0, 0, 1, 0]];
+    const { root, cells, full } = statues({ instances: [{ ...STATUE, transforms }] });
+    const near = { near: 1.1, eye: [0.5, -1, 0.5] as Vector3, farOnly: true };
+    hold([full]);
+    expect(drawn(plan(root, near))).toContain("1,0,0 0");
+    // By its leaf what of it is there.
+    hold([cells.get("0/1/0/0")!.geometry!.leaf]);
+    expect(plan(root, near).geometry.map(({ leaf }) => leaf.cell!.name)).toEqual(["0/1/0/0"]);
+    expect(drawn(plan(root, near))).not.toContain("1,0,0 0");
+  });
+
   it("draws none where geometry is not wanted", () => {
     const { root, coarse } = statues();
     hold([coarse]);

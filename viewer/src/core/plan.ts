@@ -283,10 +283,12 @@ class Planner {
     return leafSize / resolution;
   }
 
-  /** What is placed in leaves that are drawn as geometry and reaches into no other ones: these would lack their part of it. */
+  /** What is placed in leaves that are drawn as geometry and reaches into no other ones, which would lack their part of it. */
   private shownByLeaves(): Set<PlacedMesh> {
     const leaves = this.geometry.map(({ leaf }) => leaf.cell!);
-    const drawn = new Set(leaves.map(({ name }) => name));
+    // What reaches into leaves that are left out is left out there.
+    const leftOut = [...this.roles].flatMap(([cell, role]) => (role === "left out" ? [cell] : []));
+    const drawn = new Set([...leaves, ...leftOut].map(({ name }) => name));
     const { leafSize } = this.view.grid;
     return new Set(leaves.flatMap(({ key, instances }) => instances.filter((placed) => isWithin(placed, key, leafSize, drawn))));
   }
