@@ -29,6 +29,7 @@ from bench_walks import SIZE, WORK, staged
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.progress import NoProgress
+from farfield.represent.geometry.board import TURNS
 from farfield.scene.procedural.trees import SHAPES, tree
 from farfield.serve.run import ServeOptions, serving
 from farfield.store.contract import Store
@@ -40,7 +41,7 @@ from farfield.view.path import CameraPath, PathFrame
 from farfield.walk.link import SlowLink
 from farfield.walk.session import Walker, stream_walk
 from farfield.walk.walk import WalkOptions, drawn, judge
-from farfield.world.keys import TURNS, DynamicImpostor
+from farfield.world.keys import DynamicImpostor
 from farfield.world.world import World
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))

@@ -32,7 +32,7 @@ ORDER = [
 """Part of the package → what it may import: the parts in earlier lines, and itself. A folder in a part may have a line
 of its own."""
 
-BESIDE = {("bake", "view"), ("view", "quality"), ("view", "stream"), ("serve", "stream")}
+BESIDE = {("bake", "view"), ("view", "quality"), ("view", "stream"), ("serve", "stream"), ("serve", "view")}
 """Imports between parts of one line that may be."""
 
 LONGEST = 500

@@ -14,6 +14,7 @@ from e2e.browsing import Pixels, visiting
 from e2e.pushing import opened_with
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
+from farfield.represent.geometry.board import TURNS as EYES
 from farfield.scene.model import Instances, Material, Mesh, Scene
 from farfield.scene.procedural.blobs import cube_sphere
 from farfield.serve.run import ServeOptions, serving
@@ -21,7 +22,6 @@ from farfield.store import DirectoryStore
 from farfield.stream.tree import CellTree
 from farfield.view.impostors import ImpostorMaker
 from farfield.world.index import Impostor
-from farfield.world.keys import TURNS as EYES
 from farfield.world.keys import DynamicImpostor
 from farfield.world.world import World
 

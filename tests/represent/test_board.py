@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from farfield.represent.geometry.board import (
     FULL_SINE,
+    TILTS,
+    TURNS,
     board_matrix,
     board_mesh,
     directions,
@@ -20,7 +22,6 @@ from farfield.represent.geometry.board import (
     squareness,
 )
 from farfield.scene.model import Texture
-from farfield.world.keys import TILTS, TURNS
 
 BOX = np.array([[-1.0, -2.0, 0.0], [3.0, 4.0, 5.0]])
 """4 x 6 x 5 m, the middle at (1, 1, 2.5)."""

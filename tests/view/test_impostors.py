@@ -14,14 +14,14 @@ from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.errors import CorruptTileError
 from farfield.geometry.cameras import Camera
-from farfield.represent.geometry.board import dynamic_angle
+from farfield.represent.geometry.board import TILTS, TURNS, dynamic_angle
 from farfield.scene.procedural.trees import SHAPES, tree
 from farfield.store.memory import MemoryStore
 from farfield.stream.tree import CellTree, Instances
 from farfield.view import impostors
 from farfield.view.impostors import ImpostorMaker
 from farfield.view.renderer import RenderOptions, render_world
-from farfield.world.keys import TILTS, TURNS, DynamicImpostor
+from farfield.world.keys import DynamicImpostor
 from farfield.world.world import World
 
 PLACE = (40.0, 24.0, 0.0)

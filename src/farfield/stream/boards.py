@@ -7,11 +7,10 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.represent.geometry.board import FULL_SINE, directions, squareness
+from farfield.represent.geometry.board import FULL_SINE, TILTS, TURNS, directions, squareness
 from farfield.stream.outlook import Outlook
 from farfield.stream.tree import SLOTS, Boards, CellTree, CellValues
 from farfield.world.index import MESH_FARTHEST, MOST_SIDES
-from farfield.world.keys import TILTS, TURNS
 
 Floats = NDArray[np.float64]
 Codes = NDArray[np.int64]

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
+from farfield.represent.geometry.board import TILTS, TURNS
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS, picture_accuracy
 from farfield.stream.offers import SHARES
 from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
-from farfield.world.keys import DYNAMIC, TILTS, TURNS, DynamicImpostor, mesh_key, orthoview_key, texture_key
+from farfield.world.keys import DYNAMIC, DynamicImpostor, mesh_key, orthoview_key, texture_key
 from farfield.world.reach import form_values, level_values
 from farfield.world.world import World
 

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from hashlib import blake2b
 
 from farfield.octree.grid import CellKey
+from farfield.represent.geometry.board import TURNS
 
-TURNS, TILTS = 16, 8
-"""Parts of a turn, and of half a turn from straight below to straight above, between the eyes that dynamic impostors
-are made for: one is never farther than 16 degrees from a line of sight."""
 DYNAMIC = "impostor/"
 """What their keys begin with."""
 _DYNAMIC = re.compile(r"impostor/([0-9a-f]{16})-([1-9][0-9]{0,3})-(0|[1-9][0-9]?)-([0-8])")

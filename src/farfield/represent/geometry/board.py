@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.model import Material, Mesh, Texture
-from farfield.world.keys import TILTS, TURNS
 
 Floats = NDArray[np.float64]
 FULL_SINE = 0.75**0.5
 """Sine of 60 degrees: seen at that angle to its plane, or more squarely, a board is as good as head on (BEN 4.1)."""
+TURNS, TILTS = 16, 8
+"""Parts of a turn, and of half a turn from straight below to straight above, between the eyes that dynamic impostors
+are made for: one is never farther than 16 degrees from a line of sight."""
 BULGE = 1.2
 """How far normals lean outwards at a board's corners, for 1 towards the eye."""
 CUTOFF = 0.5
