@@ -97,6 +97,16 @@ def middle_of(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.array([rows.mean(), columns.mean()])
 
 
+def assert_alike(shown: NDArray[np.int64], whole: NDArray[np.int64]) -> None:
+    """The parts of bodies are seen about where they are, about as large."""
+    assert ((shown >= 0) & (whole >= 0)).sum() / ((shown >= 0) | (whole >= 0)).sum() > 0.72
+    for part in range(len(COLORS)):
+        if (whole == part).sum() > 500:
+            own, full = shown == part, whole == part
+            assert 0.5 < own.sum() / full.sum() < 2, part
+            assert np.abs(middle_of(own) - middle_of(full)).max() < 25, part
+
+
 def looks(number: int, azimuth: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Eye and target, a little to the side of one of the images."""
     (x, y), angle = MIDDLES[number], np.radians(azimuth)
@@ -146,12 +156,7 @@ def test_bodies_are_seen_from_above_by_images_made_on_demand(
             page.quiet()
             shown = parts_of(page.picture())
             assert page.stats()["splats"] == page.stats()["geometry_cells"] == 0
-            assert ((shown >= 0) & (whole >= 0)).sum() / ((shown >= 0) | (whole >= 0)).sum() > 0.72
-            for part in range(len(COLORS)):
-                if (whole == part).sum() > 500:
-                    own, full = shown == part, whole == part
-                    assert 0.5 < own.sum() / full.sum() < 2, part
-                    assert np.abs(middle_of(own) - middle_of(full)).max() < 25, part
+            assert_alike(shown, whole)
         assert not asked, "they cannot be had so"
 
 
@@ -174,12 +179,7 @@ def test_bodies_are_seen_by_their_images_alone(
             assert page.stats()["splats"] == page.stats()["geometry_cells"] == 0
             assert page.stats()["triangles"] in (2, 4, 6)
             assert (whole == 0).sum() > 5_000
-            assert ((shown >= 0) & (whole >= 0)).sum() / ((shown >= 0) | (whole >= 0)).sum() > 0.72
-            for part in range(len(COLORS)):
-                if (whole == part).sum() > 500:
-                    own, full = shown == part, whole == part
-                    assert 0.5 < own.sum() / full.sum() < 2, part
-                    assert np.abs(middle_of(own) - middle_of(full)).max() < 25, part
+            assert_alike(shown, whole)
 
 
 def test_who_is_sent_nothing_asks_for_images(
