@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
@@ -116,16 +116,24 @@ def looks(number: int, azimuth: float) -> tuple[tuple[float, float, float], tupl
 LOOKS = [looks(number, azimuth) for number in range(len(MIDDLES)) for azimuth in (-87.0, 60.0, 200.0)]
 
 
-@pytest.fixture(scope="module")
-def true(browser: Browser, server: str) -> list[NDArray[np.int64]]:
+Look = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def seen_whole(browser: Browser, server: str, views: Sequence[Look]) -> list[NDArray[np.int64]]:
     """The parts as they are seen when everything is there."""
     with visiting(browser, server) as page:
         page.options(**SETTINGS, nearRadius=1000.0)
         found = []
-        for eye, target in LOOKS:
+        for eye, target in views:
             page.look(eye, target)
             found.append(parts_of(page.picture()))
         return found
+
+
+@pytest.fixture(scope="module")
+def true(browser: Browser, server: str) -> list[NDArray[np.int64]]:
+    """Of LOOKS."""
+    return seen_whole(browser, server, LOOKS)
 
 
 def test_bodies_are_seen_from_above_by_images_made_on_demand(
@@ -141,12 +149,7 @@ def test_bodies_are_seen_from_above_by_images_made_on_demand(
     for number, azimuth in ((0, -80.0), (0, 60.0), (1, 200.0), (2, 15.0)):
         (x, y, _), target = looks(number, azimuth)
         views.append(((x, y, 2.4 + 9 * float(np.tan(np.radians(50)))), target))
-    with visiting(browser, server) as page:
-        page.options(**SETTINGS, nearRadius=1000.0)
-        true = []
-        for eye, target in views:
-            page.look(eye, target)
-            true.append(parts_of(page.picture()))
+    true = seen_whole(browser, server, views)
     asked: list[str] = []
     with opened_with(browser, server, set(values), values) as page:
         page.page.on("request", lambda request: asked.append(request.url) if "impostor/" in request.url else None)

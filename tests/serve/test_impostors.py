@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 
 from bake.scenes import ground, scene_of
 from farfield.bake.bake import bake
 from farfield.bake.options import BakeOptions
 from farfield.scene.procedural.trees import SHAPES, tree
+from farfield.serve.push.session import MOST_MADE
 from farfield.serve.run import ServeOptions, serving
 from farfield.store import MemoryStore, Store
 from farfield.stream.tree import CellTree
@@ -93,3 +95,16 @@ def test_a_mesh_that_is_damaged_costs_its_images_alone(trees: Store) -> None:
         assert sum(key.startswith("impostor/") for key in viewer.missing) == 1
         images = {key for key in trees.list() if key.startswith("texture/")}
         assert images & viewer.values.keys()
+
+
+def test_who_says_it_has_more_than_could_be_made_is_let_go(url: str) -> None:
+    keys = [DynamicImpostor(f"{n:016x}", 64, 0, 6).key for n in range(MOST_MADE + 1)]
+    with session(url, token="", holds=keys[:4000]) as viewer:
+        welcomed(viewer)
+        viewer.say(type="add", keys=keys[4000:8000])
+        viewer.say(type="add", keys=keys[8000:MOST_MADE])
+        viewer.say(**ABOVE)
+        viewer.hear(0.5)
+        viewer.say(type="add", keys=keys[MOST_MADE:])
+        with pytest.raises(ConnectionClosed, match="holds too much"):
+            viewer.hear(5.0)

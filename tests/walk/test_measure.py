@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -14,7 +15,7 @@ from farfield.walk.measure import HeldBoards, HeldGeometry, HeldMerged, HeldMesh
 from farfield.walk.objects import WorldObjects
 from farfield.walk.observer import Pose
 from farfield.world.index import CellEntry, GeometryEntry, GeometryLevel, Impostor, InstancedMesh, MeshLevel
-from farfield.world.keys import geometry_key, mesh_key, orthoview_key, texture_key
+from farfield.world.keys import DynamicImpostor, geometry_key, mesh_key, orthoview_key, texture_key
 
 GRID = Grid(leaf_size=8.0, resolution=64, corner=(0.0, 0.0, 0.0), axis_levels=(1, 1, 0))
 LEAF, OTHER, ROOT = CellKey(0, 0, 0, 0), CellKey(0, 1, 0, 0), CellKey(1, 0, 0, 0)
@@ -127,6 +128,11 @@ def test_boards_from_above_show_less() -> None:
     height = Measure(ONE, [], SIZE).look(pose).sight.height[0]
     found = by_boards(0, *(board("e", side) for side in range(4)), pose=pose)
     assert found == pytest.approx(8 / height * (0.5 / 0.75) ** 1.5, rel=1e-5)
+    # One that was made for just there, and of the others none: of another mesh, size or side.
+    made = DynamicImpostor(MESH, 8, 8, 6)
+    assert by_boards(0, board("e", 2), made.key, pose=pose) == pytest.approx(8 / height, rel=1e-5)
+    others = (replace(made, mesh="af" * 8), replace(made, rows=9), replace(made, turn=0))
+    assert by_boards(0, *(other.key for other in others), pose=pose) == 0
 
 
 def test_a_part_of_a_mesh_has_its_part_of_the_rows() -> None:

@@ -1,4 +1,4 @@
-"""Dynamic impostors: images of shared meshes made on demand, for where a viewer is going to be (BEN 4.1, 4.4).
+"""Dynamic impostors: images of shared meshes made on demand, for where a viewer is going to be (BEN 4.1, 5.1).
 
 A world has images from the side alone, which tell little to an eye that looks down. These are made from the meshes as
 they lie in the world, so that no bake has to be kept, and remembered: viewers that look alike are sent the same.
@@ -28,7 +28,7 @@ from farfield.world.keys import DynamicImpostor, mesh_key, texture_key
 
 ENOUGH_TRIANGLES = 50_000
 """Of a mesh, for the finest image: the coarsest level that has as many is drawn. A full statue of 990,000 triangles
-takes 60 ms, its level of 248,000 16 ms."""
+takes 60 ms, its level of 248,000 16 to 29 ms."""
 MOST_TRIANGLES = 1_000_000
 """Of the meshes that are kept decoded, some 120 MB of them."""
 MOST_TEXELS = 32 << 20
@@ -38,7 +38,7 @@ MOST_BYTES = 16 << 20
 MOST_ROWS = 768
 """Of an image."""
 MOST_WAITING = 4
-"""Images that are waited for, from which on none should be asked for: a second of a core."""
+"""Images that are waited for, from which on none should be asked for: up to a fifth of a second of a core."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -206,10 +206,9 @@ class Kinds:
 
     def _boards(self, impostor: Impostor, mesh: str, held: Collection[str]) -> list[_Board]:
         """Those of a mesh that are held: of its sides, then those that were made on demand."""
-        named = [(texture_key(name), angle) for (name, _), angle in zip(
-            impostor.images, side_angles(len(impostor.images)), strict=True
-        )]  # fmt: skip
-        baked = [_Board(key, angle) for key, angle in named if key in held]
+        sides = zip(impostor.images, side_angles(len(impostor.images)), strict=True)
+        named = [_Board(texture_key(name), angle) for (name, _), angle in sides]
+        baked = [board for board in named if board.key in held]
         if self._dynamic is None or self._dynamic[0] is not held:
             self._dynamic = held, _dynamic_in(held)
         return baked + self._dynamic[1].get((mesh, impostor.rows), [])
