@@ -73,3 +73,14 @@ def test_errors_go_on_from_nearer_than_was_looked_at() -> None:
     assert far <= near <= nearer <= 1
     assert errors_at(forms, 0, 2.0, 0.001, 0) == 0
     assert errors_at(forms, 99, 2.0, 2 / 64, 0) == errors_at(forms, len(forms) - 1, 2.0, 2 / 64, 0)
+
+
+def test_of_large_images_full_size_is_compared() -> None:
+    """A fine pattern that is gone after two halvings, on a patch that is wider than a piece that is looked at."""
+    stripes = np.full((600, 1000, 4), 255, np.uint8)
+    stripes[..., :3] = np.where(np.arange(1000)[:, None] & 1, 200, 40)
+    lost = blur_errors(mip_levels(stripes, False))
+    assert lost[1] > 0.2
+    (form,) = forms_of(*square(noise(512)))
+    (small,) = forms_of(*square(noise(256)))
+    assert np.allclose(form.blur[:4], small.blur[:4], atol=0.02)

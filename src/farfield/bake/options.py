@@ -10,7 +10,7 @@ from farfield.octree.grid import Grid
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.world.keys import content_hash
 
-BAKE_VERSION = 23
+BAKE_VERSION = 24
 """Grows whenever the same input would give other bytes; older records are then baked again."""
 
 

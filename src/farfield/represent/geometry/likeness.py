@@ -25,8 +25,9 @@ from farfield.represent.orthoview.visibility import nearest_surface
 PIXELS = (16, 64, 256)
 """Pixels along the longest side of the mesh's box at which pictures are compared, ascending."""
 
-LARGEST = 256
-"""Pixels along the side of an image that its smaller sizes are compared with."""
+BLOCK, BLOCKS = 64, 4
+"""Texels along the side of a piece of an image that its smaller sizes are compared with, and pieces along its side: all
+of an image of up to 256 texels, and of a larger one about what all of it tells in a sixteenth of the time or less."""
 
 SAMPLES = 2
 """Samples along the side of a pixel of the finest pictures."""
@@ -82,19 +83,28 @@ class Likeness:
 def blur_errors(mips: Sequence[NDArray[np.uint8]]) -> tuple[float, ...]:
     """How unlike an image its smaller sizes look, each over that of the sky in its place.
 
-    mips: (h, w, 4) sRGB and alpha, each half as large as the one before, the first of at most LARGEST pixels a side:
-    what is lost before is not told apart.
+    mips: (h, w, 4) sRGB and alpha, each half as large as the one before.
     """
-    true = _lab(LINEAR_OF_BYTE[mips[0][..., :3]].astype(np.float64))
-    solid = mips[0][..., 3:] >= 128
+    shape = mips[0].shape[:2]
+    rows, columns = (_looked_at(size) for size in shape)
+    first = mips[0][rows[:, None], columns]
+    true = _lab(LINEAR_OF_BYTE[first[..., :3]].astype(np.float64))
+    solid = first[..., 3:] >= 128
     empty = _distance(true * solid, _lab(SKY) * solid)
     found = [0.0]
-    rows, columns = (np.arange(size) for size in true.shape[:2])
     for image in mips[1:]:
-        r, c = rows * image.shape[0] // len(rows), columns * image.shape[1] // len(columns)
-        shown = _lab(LINEAR_OF_BYTE[image[..., :3]].astype(np.float64))[r[:, None], c]
+        r, c = rows * image.shape[0] // shape[0], columns * image.shape[1] // shape[1]
+        shown = _lab(LINEAR_OF_BYTE[image[r[:, None], c, :3]].astype(np.float64))
         found.append(_distance(true * solid, shown * solid) / max(empty, 1e-12))
     return tuple(found)
+
+
+def _looked_at(size: int) -> NDArray[np.intp]:
+    """Rows or columns of an image that are compared: pieces spread over all of it."""
+    if size <= BLOCK * BLOCKS:
+        return np.arange(size)
+    first = np.linspace(0, size - BLOCK, BLOCKS).astype(np.intp)
+    return (first[:, None] + np.arange(BLOCK)).ravel()
 
 
 def unlikeness(true: NDArray[np.float64], shown: NDArray[np.float64], weight: NDArray[np.float64]) -> float | None:
