@@ -9,8 +9,9 @@ The garden of 257 statues (40 s) and the terrain with 472 objects (its first 30 
 by object, the nearest or the largest on the screen first; `nearest-levels`, coarse forms of all in view before finer
 ones; `objects`, what adds most to the measure for its bytes, by who knows the objects: how good the same values would
 be in another order; `impostors`, images made on demand, simulated (walk_bound.py). Told are the thesis' quality
-(docs/walks.md), PSNR and FLIP of frames to the true ones, and what the bytes were good for. Quick: the town of the
-tests. Full: 30 minutes, and 30 more to make and bake the scenes the first time.
+(docs/walks.md), PSNR and FLIP of frames to the true ones, what the bytes were good for, and bytes of coarser
+forms that finer ones took the place of (`superseded`: what progressive meshes could save at most). Quick: the town of
+the tests. Full: 30 minutes, and 30 more to make and bake the scenes the first time.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from farfield.walk.walk import WalkedWorld, WalkOptions, WalkResult, drawn, judg
 from walk_bound import impostor_bound
 from walk_orders import BenefitOfObjects, ObjectByObject, Order, fetched_walk
 from walk_scenes import SCENES, made_world
-from walk_uses import of_use
+from walk_uses import of_use, superseded
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from e2e.world import town
@@ -150,6 +151,7 @@ def walked(stage: Stage, bandwidth: float, order: str, frame_seconds: int) -> tu
         "missing_after": found.missing_after,
         "bytes": found.bytes,
         "of_use": of_use(stage.walked, walker, options, received),
+        "superseded": superseded(stage.walked, received),
     }
     if frame_seconds:
         drawer = stage.meshes if whole else stage.drawer

@@ -46,6 +46,33 @@ def of_use(known: WalkedWorld, walker: Walker, options: WalkOptions, received: R
     return dict(found)
 
 
+def superseded(known: WalkedWorld, received: Received) -> int:
+    """Bytes of forms of meshes and cells that came before a finer form of the same, images apart.
+
+    More than that no progressive mesh could save, not even one that costs nothing besides.
+    """
+    tree = known.tree
+    cells = np.flatnonzero(tree.has_geometry | tree.has_merged).tolist()
+    groups = [
+        *tree.instances.forms,
+        *(tree.merged(cell) if tree.has_merged[cell] else tree.forms(cell) for cell in cells),
+    ]
+    places: dict[str, tuple[int, int]] = {}
+    for group, forms in enumerate(groups):
+        for level, form in enumerate(forms.values):
+            for key in form.keys:
+                if not key.startswith("texture/"):
+                    places.setdefault(key, (group, level))
+    finest: dict[int, int] = {}
+    lost = 0
+    for _, key, size in reversed(received.arrivals):
+        if key in places:
+            group, level = places[key]
+            lost += size if finest.get(group, level) < level else 0
+            finest[group] = min(finest.get(group, level), level)
+    return lost
+
+
 class _Uses:
     """Follows which of the values held are the best of something in view."""
 
