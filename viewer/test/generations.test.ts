@@ -1,4 +1,4 @@
-import { createHash } from "node:crypto";
+import { createHash, randomBytes } from "node:crypto";
 import { deflateRawSync } from "node:zlib";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { Backoff } from "../src/core/backoff.js";
@@ -21,7 +21,7 @@ type Leaves = ReadonlyMap<string, string>;
 const FIRST: Leaves = new Map(["0 0", "1 0", "0 1", "1 1", "2 2", "3 3"].map((place) => [place, "a"]));
 
 /** Index tiles of a world of 4 x 4 leaves, three levels, two of them in a tile. Hashes say what lies below. */
-function tilesFor(leaves: Leaves): { root: string; tiles: Map<string, Uint8Array> } {
+function tilesFor(leaves: Leaves, padding: number): { root: string; tiles: Map<string, Uint8Array> } {
   const tiles = new Map<string, Uint8Array>();
   const below = (level: number, x: number, y: number): string => {
     const there = [...leaves].filter(([place]) => within(place, level, x, y));
@@ -43,11 +43,11 @@ function tilesFor(leaves: Leaves): { root: string; tiles: Map<string, Uint8Array
       if (!below(1, x, y)) continue;
       const own = entry(1, x, y);
       const cells = [own, ...own.children!.map((name) => entry(0, ...(name.split("/").slice(1, 3).map(Number) as [number, number])))];
-      tiles.set(`index/1/${x}/${y}/0-${own.index}`, encode(cells));
+      tiles.set(`index/1/${x}/${y}/0-${own.index}`, encode(cells, padding));
     }
   }
   const root = entry(2, 0, 0);
-  tiles.set(`index/2/0/0/0-${root.hash}`, encode([root, ...root.children!.map((name) => entry(1, ...(name.split("/").slice(1, 3).map(Number) as [number, number])))]));
+  tiles.set(`index/2/0/0/0-${root.hash}`, encode([root, ...root.children!.map((name) => entry(1, ...(name.split("/").slice(1, 3).map(Number) as [number, number])))], padding));
   return { root: root.hash!, tiles };
 }
 
@@ -60,8 +60,9 @@ function within(place: string, level: number, x: number, y: number): boolean {
   return u! >> level === x && v! >> level === y;
 }
 
-function encode(cells: readonly CellEntry[]): Uint8Array {
-  const text = new TextEncoder().encode(JSON.stringify({ root: cells[0]!.key, cells }));
+/** `padding`: bytes that it is larger than it need be. */
+function encode(cells: readonly CellEntry[], padding = 0): Uint8Array {
+  const text = new TextEncoder().encode(JSON.stringify({ root: cells[0]!.key, cells, padding: randomBytes(padding).toString("base64") }));
   const packed = deflateRawSync(text);
   const bytes = new Uint8Array(16 + packed.length);
   const header = new DataView(bytes.buffer);
@@ -74,7 +75,7 @@ function encode(cells: readonly CellEntry[]): Uint8Array {
 }
 
 /** Generations of that world on a server that notes what it is asked for. */
-function makeServer() {
+function makeServer(leaves = FIRST, padding = 0) {
   const asked: string[] = [];
   const values = new Map<string, Uint8Array>();
   const source: Source = {
@@ -91,11 +92,11 @@ function makeServer() {
   const server = new Server(source, new Backoff(() => 0, () => undefined), new AbortController().signal, () => undefined, true);
   const servers = new Servers(server, MANIFEST, () => server);
   const manifestOf = (leaves: Leaves, generation: number): Manifest => {
-    const { root, tiles } = tilesFor(leaves);
+    const { root, tiles } = tilesFor(leaves, padding);
     for (const [key, value] of tiles) values.set(key, value);
     return { ...MANIFEST, generation, roots: [{ key: { level: 2, x: 0, y: 0, z: 0 }, hash: root }] };
   };
-  const first = new WorldIndex(manifestOf(FIRST, 1), servers, { bad: (key) => void bad.push(key), grown: () => undefined });
+  const first = new WorldIndex(manifestOf(leaves, 1), servers, { bad: (key) => void bad.push(key), grown: () => undefined });
   return { asked, bad, first, manifestOf };
 }
 
@@ -119,6 +120,41 @@ async function readAll(index: WorldIndex): Promise<Map<string, Cell>> {
 
 const changedLeaf = new Map([...FIRST, ["2 2", "b"]]);
 const without = new Map([...FIRST].filter(([place]) => place !== "1 1"));
+
+describe("WorldIndex.explore", () => {
+  const everywhere: Leaves = new Map(["0 0", "2 0", "0 2", "2 2"].map((place) => [place, "a"]));
+  const below = ["1/1/1/0", "1/0/0/0", "1/1/0/0", "1/0/1/0"];
+  const read = async (padding: number, room?: number): Promise<{ index: WorldIndex; asked: readonly string[]; cells: Cell[] }> => {
+    const { first, asked } = makeServer(everywhere, padding);
+    first.explore(first.roots);
+    await new Promise((resolve) => setTimeout(resolve));
+    const cells = cellsOf(first);
+    asked.length = 0;
+    const listed = below.map((name) => cells.get(name)!);
+    first.explore(listed, room);
+    return { index: first, asked, cells: listed };
+  };
+  const names = (keys: readonly string[]): string[] => keys.map((key) => /index\/(.*)-/.exec(key)![1]!);
+
+  it("asks for as much at once as the link has room for, by what tiles have had so far, the first first", async () => {
+    const { index, asked } = await read(40_000);
+    expect(names(asked)).toEqual(below.slice(0, 1));
+    expect(index.pending).toBe(4);
+    await new Promise((resolve) => setTimeout(resolve));
+    expect(names(asked)).toEqual(below);
+    expect(index.pending).toBe(0);
+    expect(names((await read(40_000, 60_000)).asked)).toEqual(below.slice(0, 2));
+    expect(names((await read(0)).asked)).toEqual(below);
+  });
+
+  it("leaves out what is not wanted any more", async () => {
+    const { index, asked, cells } = await read(40_000);
+    index.explore(cells.slice(3));
+    await new Promise((resolve) => setTimeout(resolve));
+    expect(names(asked)).toEqual([below[0], below[3]]);
+    expect(index.pending).toBe(0);
+  });
+});
 
 describe("WorldIndex.followedBy", () => {
   it("keeps what has not changed, and asks only for index tiles that have", async () => {

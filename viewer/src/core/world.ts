@@ -14,11 +14,23 @@ export interface WorldEvents {
   readonly grown: () => void;
 }
 
+/** Bytes of index tiles under way from a server at once, unless more is asked for: what is known of the picture is fetched beside them. */
+const UNDER_WAY = 32 << 10;
+/** Bytes that a tile is taken to have before any has come. */
+const TILE_BYTES = 8 << 10;
+/** Requests that share what is under way, where one can ask for several: while one is answered the next is asked. */
+const SHARES = 2;
+
 /** A world as far as its index has been read. */
 export class WorldIndex {
   readonly roots: readonly Cell[];
   private readonly shared: SharedMeshes;
   private readonly loading: Set<Cell>;
+  /** Of which the index is to be read next, the first first. */
+  private waiting: readonly Cell[] = [];
+  private room = UNDER_WAY;
+  /** Of the tiles that have come. */
+  private readonly come = { tiles: 1, bytes: TILE_BYTES };
   private readonly closing = new AbortController();
 
   constructor(
@@ -56,9 +68,9 @@ export class WorldIndex {
     return cell?.find(key) ?? null;
   }
 
-  /** Number of index tiles under way. */
+  /** Number of index tiles that are under way or will be. */
   get pending(): number {
-    return this.loading.size;
+    return this.loading.size + this.waiting.length;
   }
 
   /** Whether the index below a cell is still to be read, and can be. */
@@ -66,22 +78,42 @@ export class WorldIndex {
     return cell.unread && !this.servers.isAway(keyOf(cell));
   }
 
-  /** Starts reading the index below cells, in the order given; those that are being read already are left alone. */
-  explore(cells: readonly Cell[]): void {
-    const due = new Map<Server, Cell[]>();
-    for (const cell of new Set(cells)) {
-      if (!cell.indexHash || this.loading.has(cell)) continue;
-      const server = this.servers.of(keyOf(cell));
-      if (server.reachable) due.set(server, [...(due.get(server) ?? []), cell]);
-    }
-    for (const [server, list] of due) {
-      const share = Math.max(1, server.source.batchKeys);
-      for (let n = 0; n < list.length; n += share) void this.load(server, list.slice(n, n + share));
-    }
+  /**
+   * Reads the index below cells, in the order given and instead of what waited before; what is being read already goes on. `room`:
+   * bytes that may be under way from a server, by what tiles have had so far.
+   */
+  explore(cells: readonly Cell[], room = UNDER_WAY): void {
+    this.waiting = [...new Set(cells)];
+    this.room = Math.max(room, UNDER_WAY);
+    this.pump();
   }
 
   close(): void {
     this.closing.abort();
+  }
+
+  /** Asks for as much of what waits as there is room for. */
+  private pump(): void {
+    const due = new Map<Server, Cell[]>();
+    for (const cell of this.waiting) {
+      if (!cell.indexHash || this.loading.has(cell)) continue;
+      const server = this.servers.of(keyOf(cell));
+      if (server.reachable) due.set(server, [...(due.get(server) ?? []), cell]);
+    }
+    const tiles = Math.max(Math.floor((this.room * this.come.tiles) / this.come.bytes), 1);
+    for (const [server, list] of due) {
+      const share = Math.min(server.source.batchKeys, Math.ceil(tiles / SHARES));
+      for (let free = tiles - this.underWay(server); free > 0 && list.length > 0; free -= share) {
+        void this.load(server, list.splice(0, Math.min(share, free)));
+      }
+    }
+    this.waiting = [...due.values()].flat();
+  }
+
+  private underWay(server: Server): number {
+    let count = 0;
+    for (const cell of this.loading) if (this.servers.of(keyOf(cell)) === server) count++;
+    return count;
   }
 
   private async load(server: Server, cells: readonly Cell[]): Promise<void> {
@@ -95,7 +127,10 @@ export class WorldIndex {
       if (error.tag !== "aborted") server.failed(error.what);
     } finally {
       for (const cell of cells) this.loading.delete(cell);
-      if (!this.closing.signal.aborted) this.events.grown();
+      if (!this.closing.signal.aborted) {
+        this.events.grown();
+        this.pump();
+      }
     }
   }
 
@@ -103,7 +138,10 @@ export class WorldIndex {
   private read(cell: Cell, key: string, found: Found): void {
     if (!cell.unread) return;
     try {
-      cell.read(new Map(decodeIndexTile(valueOf(found, key), key).map((entry) => [entry.key, entry])), this.shared, key);
+      const tile = valueOf(found, key);
+      this.come.tiles++;
+      this.come.bytes += tile.length;
+      cell.read(new Map(decodeIndexTile(tile, key).map((entry) => [entry.key, entry])), this.shared, key);
     } catch (thrown) {
       cell.indexHash = "";
       cell.children = [];

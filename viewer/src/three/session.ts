@@ -43,6 +43,9 @@ const BEHIND_MS = 2000;
 /** Share of the cache up to which that is done: then it and the picture fit together. */
 const ROOM_TO_STAND_IN = 0.7;
 
+/** Seconds of the link that index tiles under way may take. */
+const INDEX_SECONDS = 0.25;
+
 /** What a session works with. */
 export interface SessionParts {
   readonly index: WorldIndex;
@@ -223,16 +226,15 @@ export class Session {
     this.number++;
     this.seen = seenOf(wants);
     const soon = this.lookAhead(plan, view);
-    explore(index, plan, this.ahead.unknown);
     const viewing = this.watch(viewpoint, width);
     const all = joined(next.wants ?? [], joinWants([this.ordered(wants, viewing, view), soon]));
-    this.loader.isLearning = this.parts.options().benefit && plan.cut.unknown.some(({ reach }) => seesBox(view.frustum, reach));
+    const { benefit } = this.parts.options();
+    // Who moves on has no use for what the cut needs nothing of by the time it is there.
+    this.explore(index, plan, view, [...this.ahead.unknown, ...(benefit && isAtRest(viewing) ? this.ranking.unknown : [])]);
+    this.loader.isLearning = benefit && plan.cut.unknown.some(({ reach }) => seesBox(view.frustum, reach));
     this.loader.want(all, this.number, drawnBy(plan), this.next !== null);
     this.push?.settle(all);
-    // Who moves on has no use for it by the time it is there.
-    if (isAtRest(viewing)) {
-      if (this.parts.options().benefit) index.explore(this.ranking.unknown);
-    } else this.lookAgain();
+    if (!isAtRest(viewing)) this.lookAgain();
     // Last: what the loader asks for now the server knows of by then.
     this.push?.see(this.told(viewing, view));
     if (next.taken) this.loader.cache.dropGone();
@@ -240,6 +242,18 @@ export class Session {
     // A picture that is complete has its own shadows at once.
     if (picture && this.pending === 0) this.castersAt = -Infinity;
     return { picture, detail, generation: next.taken };
+  }
+
+  /** Reads the index that a plan lacks, what is in the picture and largest there first, and then that below other cells. */
+  private explore(index: WorldIndex, { cut }: Plan, { eye, frustum }: PlanView, others: readonly Cell[] = []): void {
+    const unknown = cut.unknown.map((cell) => ({
+      cell,
+      isSeen: seesBox(frustum, cell.reach),
+      size: 2 ** cell.level / Math.max(distanceTo(cell.reach, eye), 1),
+    }));
+    unknown.sort((a, b) => Number(b.isSeen) - Number(a.isSeen) || b.size - a.size);
+    const cells = [...index.roots.filter(({ unread }) => unread), ...unknown.map(({ cell }) => cell), ...others];
+    index.explore(cells, this.loader.link.bandwidth * INDEX_SECONDS);
   }
 
   /** More of the index is known. */
@@ -318,7 +332,7 @@ export class Session {
     const wants = listWants(next.roots, plan, next.manifest, view, lacks).filter(({ urgency }) => isNeeded(urgency));
     const there = isKnown(next, plan) && wants.every(({ resource }) => isDone(resource, lacks));
     if (!there && !this.isOverdue(wants)) {
-      explore(next, plan);
+      this.explore(next, plan, view);
       return { taken: false, wants };
     }
     this.index.close();
@@ -461,10 +475,6 @@ function isDone(resource: Resource, lacks: (resource: Resource) => boolean): boo
 /** Whether the index has been read as far as a plan needs it. */
 function isKnown(index: WorldIndex, plan: Plan): boolean {
   return index.pending === 0 && ![...index.roots, ...plan.cut.unknown].some((cell) => index.isDue(cell));
-}
-
-function explore(index: WorldIndex, plan: Plan, ahead: readonly Cell[] = []): void {
-  index.explore([...index.roots.filter(({ unread }) => unread), ...plan.cut.unknown, ...ahead]);
 }
 
 /** Both lists, each value once. */
