@@ -30,7 +30,7 @@ from farfield.world.index import (
     Impostor,
     InstancedMesh,
     MeshLevel,
-    write_picks,
+    pack_picks,
 )
 
 FOLDER = Path(__file__).parents[1] / "tests/vectors/stream"
@@ -65,14 +65,14 @@ def _entry(grid: Grid, key: CellKey, children: list[str], random: np.random.Gene
     picks = []
     for _ in range(26):
         gains = sorted(random.uniform(2.0, 300.0, 3).tolist(), reverse=True)
-        picks.append(write_picks(zip(random.permutation(6)[:3].tolist(), gains, strict=True)))
+        picks.append(list(zip(random.permutation(6)[:3].tolist(), gains, strict=True)))
     entry = CellEntry(
         key=str(key),
         bounds=(tuple(low), tuple(high)),
         error=grid.pitch(key.level),
         hash=random.bytes(8).hex(),
         tiles=tiles,
-        picks=tuple(picks),
+        picked=pack_picks(picks),
         children=tuple(children),
         errors=tuple(sorted(random.integers(10, 120, 3).tolist())) if random.random() < 0.8 else (),
         losses=tuple(random.integers(0, 90, len(children)).tolist()) if random.random() < 0.8 else (),

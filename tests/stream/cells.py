@@ -13,7 +13,7 @@ from farfield.world.index import (
     Impostor,
     InstancedMesh,
     MeshLevel,
-    write_picks,
+    pack_picks,
 )
 
 GRID = Grid(leaf_size=8.0, resolution=8, corner=(0.0, 0.0, 0.0), axis_levels=(3, 3, 0))
@@ -65,14 +65,14 @@ def flat_tree(
 
 def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool, merged: bool) -> CellEntry:
     lower, upper = GRID.bounds(key).tolist()
-    picks = tuple(write_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)]) for n in _starts())
+    picked = pack_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)] for n in _starts())
     entry = CellEntry(
         key=str(key),
         bounds=((lower[0], lower[1], 0.0), (upper[0], upper[1], height)),
         error=GRID.pitch(key.level),
         hash="0123456789abcdef",
         tiles=((0, 0, TILE_BYTES), (1, 0, TILE_BYTES), (2, 1, TILE_BYTES)),
-        picks=picks,
+        picked=picked,
         children=tuple(map(str, GRID.children(key))),
     )
     if key.level > 0:

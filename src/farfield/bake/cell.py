@@ -87,6 +87,9 @@ class Standing:
     """At and below it."""
     lists: bool = False
     """Whether any of these lists instances."""
+    boxes: tuple[tuple[float, ...], ...] = ()
+    """Round all instances that they list, local metres, lower and upper corners; none where there are too many leaves
+    for any cell above to have geometry."""
 
 
 @dataclass(slots=True)

@@ -62,7 +62,7 @@ def standing_of(below: Sequence[BakedCell], merged: Merged) -> Standing:
     """Of a cell above some."""
     whole = bool(merged.input) and (merged.geometry is not None or not _sources(below, 1))
     leaves, lists = _counts(below)
-    return Standing(whole, leaves, lists)
+    return Standing(whole, leaves, lists, _boxes(below) if leaves <= MOST_LISTING else ())
 
 
 def merged_geometry(
@@ -79,12 +79,13 @@ def merged_geometry(
     sources = _sources(below, triangles)
     named = (f"{one.cell.key} {one.form.hash} {one.form.errors}".encode() for one in sources)
     box = context.grid.bounds(key).tobytes()
-    source = content_hash(context.job.signature.encode(), box, repr(bounds).encode(), *named)
+    boxes = _boxes(below)
+    source = content_hash(context.job.signature.encode(), box, repr((bounds, boxes)).encode(), *named)
     if before is not None and before.merged == source:
         return Merged(before.entry.geometry, source, {})
     if not sources:
         return Merged(None, source, {})
-    geometry, files = _Maker(context, key).made(sources, bounds, triangles)
+    geometry, files = _Maker(context, key).made(sources, bounds, triangles, boxes)
     return Merged(geometry, source, files)
 
 
@@ -112,6 +113,11 @@ def _counts(below: Sequence[BakedCell]) -> tuple[int, bool]:
     return sum(cell.standing.leaves for cell in below), any(cell.standing.lists for cell in below)
 
 
+def _boxes(below: Sequence[BakedCell]) -> tuple[tuple[float, ...], ...]:
+    """Round the instances that leaves below list."""
+    return tuple(box for cell in below for box in cell.standing.boxes)
+
+
 def _sources(below: Sequence[BakedCell], triangles: int) -> list[_Source]:
     """What is merged into so many triangles: of each child that has any triangles of its own."""
     found = []
@@ -134,14 +140,15 @@ class _Maker:
     key: CellKey
 
     def made(
-        self, sources: Sequence[_Source], bounds: Bounds, triangles: int
+        self, sources: Sequence[_Source], bounds: Bounds, triangles: int, boxes: Sequence[Sequence[float]]
     ) -> tuple[GeometryEntry | None, dict[str, bytes]]:
         """From fine to coarse, those that take much fewer bytes than the one before and show something."""
         context, grid = self.context, self.context.grid
         chunk, materials = _merged(context, self.key, sources)
         weights = [one.form.triangles for one in sources]
         first, second = np.average([one.errors for one in sources], axis=0, weights=weights).tolist()
-        errors = FormErrors.against(sights_of(grid, self.key, bounds), chunk, materials, (first, second))
+        sights = sights_of(grid, self.key, bounds)
+        errors = FormErrors.against(sights, chunk, materials, (first, second))
         surface, shape = ColoredSurface.of(chunk, materials), plain_shape(chunk, materials)
         walls = Walls(grid.cell_size(self.key.level), _side(grid, self.key) / ((1 << _bits(grid, self.key)) - 1))
         found: list[GeometryLevel] = []
@@ -168,7 +175,7 @@ class _Maker:
             files[geometry_key(self.key, form.hash)] = data
             context.store.put(geometry_key(self.key, form.hash), data)
             found.append(form)
-        return _entry(found), files
+        return _entry(found, errors.share_of(boxes)), files
 
     def _encoded(self, merged: MergedForm) -> tuple[GeometryLevel, bytes]:
         images: dict[str, int] = {}
@@ -193,12 +200,12 @@ def _size(form: GeometryLevel) -> int:
     return form.bytes + sum(size for _, size in form.textures)
 
 
-def _entry(found: Sequence[GeometryLevel]) -> GeometryEntry | None:
+def _entry(found: Sequence[GeometryLevel], listed: int) -> GeometryEntry | None:
     if not found:
         return None
     full, *levels = found
     return GeometryEntry(
-        full.hash, full.bytes, full.triangles, 0, (), full.textures, full.errors, full.drawn, tuple(levels)
+        full.hash, full.bytes, full.triangles, 0, (), full.textures, full.errors, full.drawn, tuple(levels), listed
     )
 
 

@@ -52,8 +52,7 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
             error=context.grid.pitch(0),
             hash=store_tiles(context, key, tiles),
             tiles=tiles.listing(),
-            views=tiles.table.views,
-            picks=tiles.picks(),
+            picked=tiles.picked(),
         )
         sights = sights_of(context.grid, key, pictures.bounds)
         layers = tiles.take_layers(places_of(sights, pictures))
@@ -88,7 +87,9 @@ def _finished(
 ) -> BakedCell:
     # Told anew each time: whether a neighbour lists what reaches into this leaf does not depend on the leaf alone.
     is_solid = record.opaque and context.listing.has_all(context.leaf_of[key])
-    standing = Standing(is_solid, lists=bool(record.entry.instances))
+    corner = context.grid.bounds(key)[0]
+    boxes = tuple(tuple(box) for listed in record.entry.instances for box in listed.placed(corner)[0].tolist())
+    standing = Standing(is_solid, lists=bool(record.entry.instances), boxes=boxes)
     cell = BakedCell(key, record, Tally.of(record.entry, fresh), standing)
     if tiles is not None:
         cell.tiles, cell.objects = tiles.encoded, tiles.objects

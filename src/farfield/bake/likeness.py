@@ -23,6 +23,7 @@ from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.likeness import SIDES, unlikeness
 from farfield.represent.materials import MaterialTable
 from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.scene.model import Material
 from farfield.view.frame import Frame
 from farfield.view.geometry import GeometryPass
 from farfield.view.picture import Picture
@@ -45,6 +46,13 @@ NEARER = 0.6
 """Of what the error grows by from the first view to the second: how much more to the third, from so near that hardly
 anything of a cell is in a picture."""
 _LIGHT = Light()
+_CORNERS = np.array([[n >> axis & 1 for axis in range(3)] for n in range(8)])
+"""(8, 3) which corner of a box has its upper end along which axis."""
+_WALLS = np.array([
+    [0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4],
+    [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5],
+])  # fmt: skip
+"""(12, 3) triangles of its walls, seen from outside."""
 
 Layers = Mapping[tuple[int, int], tuple[Direction, OrthoLayer]]
 """(direction, layer) -> the same."""
@@ -85,8 +93,7 @@ class Sight:
     def places(self, entry: CellEntry) -> tuple[tuple[int, int], ...]:
         """(direction, layer) of the tiles by which a cell, this or one below it, is drawn from that side."""
         places: list[tuple[int, int]] = []
-        picks = entry.picks_from(view_bin(self.middle, self.eye)) if entry.picks else []
-        for place, gain in picks:
+        for place, gain in entry.picks_from(view_bin(self.middle, self.eye)):
             if gain >= LEAST_GAIN or not places:
                 direction, layer, _ = entry.tiles[place]
                 places.append((direction, layer))
@@ -149,6 +156,10 @@ class FormErrors:
         found = self.truth.errors(lambda sight: _drawn(sight, chunk, materials)) or [0.0, 0.0]
         return _told([math.hypot(*both) for both in zip(found, self.before, strict=True)])
 
+    def share_of(self, boxes: Sequence[Sequence[float]]) -> int:
+        """What boxes, local metres, take of what there is to be seen in the first view (GeometryEntry.listed)."""
+        return _byte(self.truth.share_of(np.array(boxes, np.float64).reshape(-1, 6))) if boxes else 0
+
 
 @dataclass(frozen=True, slots=True)
 class _Truth:
@@ -176,6 +187,16 @@ class _Truth:
                 near = _unlike(true_close, shown(close))
                 found.append((far, far if near is None else near))
         return np.mean(found, axis=0).tolist() if found else []
+
+    def share_of(self, boxes: NDArray[np.float64]) -> float:
+        """What boxes, (n, 6) local metres, hide or are seen beside, of all that is seen with them from far."""
+        hidden, seen, materials = 0, 0, MaterialTable.build([Material()])
+        for sight, true, _, _ in self.views:
+            corner = sight.grid.bounds(sight.key)[0]
+            depth = _drawn(sight, _chunk_of_boxes(boxes - np.tile(corner, 2)), materials).depth
+            hidden += int((depth < true.depth).sum())
+            seen += int((np.isfinite(depth) | np.isfinite(true.depth)).sum())
+        return hidden / max(seen, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +247,15 @@ def _drawn(sight: Sight, chunk: Chunk, materials: MaterialTable) -> Frame:
     moved = replace(chunk, positions=(chunk.positions + shift).astype(np.float32))
     GeometryPass(frame, _LIGHT).draw(moved, materials)
     return frame
+
+
+def _chunk_of_boxes(boxes: NDArray[np.float64]) -> Chunk:
+    """The walls of boxes, (n, 6) lower and upper corners."""
+    corners = boxes.reshape(-1, 2, 3)[:, _CORNERS, np.arange(3)].reshape(-1, 3).astype(np.float32)
+    triangles = (_WALLS + 8 * np.arange(len(boxes))[:, None, None]).reshape(-1, 3).astype(np.uint32)
+    normals = np.broadcast_to(np.array([0, 0, 1], np.float32), corners.shape).copy()
+    none = np.zeros(len(triangles), np.uint32)
+    return Chunk(corners, normals, np.empty((0, 2), np.float32), np.empty((0, 4), np.uint8), triangles, none, none)
 
 
 def _splatted(sight: Sight, cells: Iterable[tuple[CellEntry, Layers]], box: NDArray[np.float64] | None = None) -> Frame:

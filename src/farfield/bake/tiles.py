@@ -15,7 +15,7 @@ from farfield.represent.orthoview.object_tile import encode_object_tile
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.represent.orthoview.tile import encode_tile
 from farfield.represent.orthoview.view_table import ViewTable, choose_views
-from farfield.world.index import write_picks
+from farfield.world.index import pack_picks
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 
@@ -27,7 +27,7 @@ class CellTiles:
         self._key = key
         self.encoded: Tiles = {}
         self.objects: Tiles = {}
-        self.table = ViewTable((), ())
+        self.table = ViewTable(())
         self._drawn: dict[int, list[OrthoLayer]] = {}
 
     def make(self, draw: Callable[[Direction], list[OrthoLayer]]) -> None:
@@ -66,9 +66,9 @@ class CellTiles:
         """(direction, layer, bytes) of each tile, ascending."""
         return tuple((d, i, len(self.encoded[d, i])) for d, i in sorted(self.encoded))
 
-    def picks(self) -> tuple[tuple[int, ...], ...]:
+    def picked(self) -> tuple[str, str, str]:
         """For every view bin the picked tiles as the index writes them."""
-        return tuple(write_picks(picks) for picks in self.table.picks)
+        return pack_picks(self.table.picks)
 
     @property
     def object_bytes(self) -> int:

@@ -63,8 +63,7 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
             error=context.grid.pitch(key.level),
             hash=store_tiles(context, key, built),
             tiles=built.listing(),
-            views=built.table.views,
-            picks=built.picks(),
+            picked=built.picked(),
         )
         layers = built.take_layers(places_of(sights, entry))
         told = parent_errors(sights, entry, layers, theirs)

@@ -224,9 +224,8 @@ class Instances:
                 number = numbers.setdefault(listed.levels[0].hash, len(meshes))
                 if number == len(meshes):
                     meshes.append(listed)
-                own = np.array(listed.transforms, np.float64).reshape(-1, 3, 4)
-                own[:, :, 3] += grid.bounds(entry.cell)[0]
-                bounds.append(_placed_boxes(np.array(listed.bounds), own))
+                boxes, own = listed.placed(grid.bounds(entry.cell)[0])
+                bounds.append(boxes)
                 turns.append(own)
                 objects += listed.objects
                 places += [(leaf, number)] * len(own)
@@ -277,14 +276,6 @@ def _inverse(transforms: Floats) -> Floats:
     return found
 
 
-def _placed_boxes(bounds: Floats, transforms: Floats) -> Floats:
-    """(n, 6) boxes round a box, (2, 3), placed by (n, 3, 4)."""
-    middle, half = bounds.mean(axis=0), (bounds[1] - bounds[0]) / 2
-    at = transforms[:, :, :3] @ middle + transforms[:, :, 3]
-    reach = np.abs(transforms[:, :, :3]) @ half
-    return np.concatenate([at - reach, at + reach], axis=1)
-
-
 NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool))
 
 
@@ -317,6 +308,10 @@ class CellTree:
             for child, loss in zip(entry.children, entry.losses, strict=False):
                 if child in numbers:
                     self.losses[numbers[child]] = loss / 255
+        self.listed = np.array(
+            [entry.geometry.listed / 255 if entry.geometry else 0.0 for entry in entries], np.float64
+        )
+        """(n,) of cells above leaves, what instances take of them that no form of their own shows, 0 to 1."""
         self.has_pictures = np.array([len(entry.tiles) > 0 for entry in entries], bool)
         of_its_own = np.array([entry.geometry is not None for entry in entries], bool)
         self.has_geometry = of_its_own & (self.levels == 0)

@@ -19,12 +19,10 @@ from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
 
-LESS = 0.25
-"""Accuracy that instances in a cell may lack, on the mean, beside its pictures, for merged geometry to take the place
-of these. What is told of meshes is for a view from nearer, and has half as much on top (bake/instances.py): statues by
-levels of .28 look better so than in pictures of .07, woods on boards of .65 worse than in pictures of .14."""
-WHOLE = 1 - 1e-6
-"""Share of a cell's pictures from which on they are all there."""
+MORE = 0.25
+"""Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has
+half as much on top (bake/instances.py): statues by levels of .28 look better so than in pictures of .07, woods on
+boards of .65 worse than in pictures of .14."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +82,8 @@ class Kinds:
         away = self._away(bounds)
         width = pixel_width(bounds, away, self._focal)
         may_be = forms.far & (forms.is_merged | (away < REACH * tree.grid.leaf_size))
-        pictures, share = self._pictures(number, width, held)
         best = self._best(forms, may_be, number, width, held)
-        if best and forms.is_merged[best[0]] and share >= WHOLE and not self._are_placed(number, held):
-            best = self._best(forms, may_be & ~forms.is_merged, number, width, held)
-        if best is None or best[1] < pictures:
+        if best is None or best[1] < self._pictures(number, width, held):
             return []
         if forms.is_merged[best[0]]:
             return [tree.entries[number]]
@@ -102,10 +97,7 @@ class Kinds:
         bounds, forms = self._tree.bounds[number], self._tree.merged(number)
         width = pixel_width(bounds, self._away(bounds), self._focal)
         best = self._best(forms, forms.far, number, width, held)
-        pictures, share = self._pictures(number, width, held)
-        if best is None or best[1] < pictures:
-            return False
-        return share < WHOLE or self._are_placed(number, held)
+        return best is not None and best[1] >= self._pictures(number, width, held)
 
     def _best(
         self,
@@ -117,23 +109,27 @@ class Kinds:
     ) -> tuple[int, float] | None:
         """Of a cell's forms that are held that which shows most, and how much; the finer, when two show the same."""
         best, pitch = None, float(self._tree.errors[number])
+        listed = float(self._tree.listed[number])
+        placed = None
         for n, value in enumerate(forms.values):
             if may_be[n] and all(key in held for key in value.keys):
                 shown = self._shown(forms.errors[n], width)
                 if forms.is_merged[n]:
                     shown = float(merged_accuracy(forms.errors[n], pitch, np.full((1, 1), width))[0, 0])
+                    if listed:
+                        placed = self._placed(number, held) if placed is None else placed
+                        shown = (1 - listed) * shown + listed * placed
                 if best is None or shown > best[1]:
                     best = n, shown
         return best
 
-    def _are_placed(self, number: int, held: Collection[str]) -> bool:
-        """Whether instances in a cell that is farther than near are drawn about as well as its pictures show them."""
-        drawn = [self._drawn_by(number, row, held, False) for row in self._tree.instances_below(number).tolist()]
-        if not all(placed for placed, _ in drawn):
-            return False
-        bounds = self._tree.bounds[number]
-        pictures = self._by_pictures(number, pixel_width(bounds, self._away(bounds), self._focal))
-        return not drawn or float(np.mean([shown for _, shown in drawn])) >= pictures - LESS
+    def _placed(self, number: int, held: Collection[str]) -> float:
+        """How much of the instances in a cell that is farther than near is drawn, by their sizes on the mean."""
+        rows = self._tree.instances_below(number)
+        drawn = [self._drawn_by(number, row, held, False) for row in rows.tolist()]
+        shown = [min(accuracy + MORE, 1.0) if placed else 0.0 for placed, accuracy in drawn]
+        sides = self._tree.instances.sides[rows]
+        return float(np.average(shown, weights=sides)) if sides.sum() > 0 else 0.0
 
     def instances_of(
         self, cell: CellKey, held: Collection[str], is_near: bool, leaves: Collection[CellKey] = ()
@@ -232,15 +228,14 @@ class Kinds:
         ranges = (range(a, b + 1) for a, b in zip(first, last, strict=True))
         return all(CellKey(0, *key) in leaves for key in itertools.product(*ranges))
 
-    def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> tuple[float, float]:
-        """Accuracy of what is held of a cell's pictures, and what share of them that is."""
+    def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> float:
+        """Accuracy of what is held of a cell's pictures."""
         tree = self._tree
         if not tree.has_pictures[number]:
-            return 0.0, 0.0
+            return 0.0
         middle = tree.bounds[number].reshape(2, 3).mean(axis=0)
         value = tree.pictures(number, view_bin(middle, self._eye), self._least_gain)
-        share = value.shown_by(set(held))
-        return share * self._by_pictures(number, width), share
+        return value.shown_by(set(held)) * self._by_pictures(number, width)
 
     def _by_pictures(self, number: int, width: NDArray[np.float64]) -> float:
         """Accuracy of a cell's own pictures, all of them.

@@ -317,7 +317,7 @@ class _Drawing:
 
 def chosen_tiles(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> tuple[Place, ...]:
     """The tiles to draw a cell from, best first (spec/drawing.md, Which tiles)."""
-    if entry.picks and options.views is None and not options.nearest_by_angle:
+    if entry.has_picks and options.views is None and not options.nearest_by_angle:
         return _picked(entry, view_bin(np.array(entry.bounds).mean(0), eye), options)
     return places_of(entry, _directions(world, entry, eye, options), options.layers)
 
@@ -336,8 +336,9 @@ def _directions(world: World, entry: CellEntry, eye: NDArray[np.float64], option
     """Numbers of the directions to draw a cell from, best first: from its table, or else the nearest by angle."""
     views = VIEWS_WITHOUT_PICKS if options.views is None else options.views
     middle = np.array(entry.bounds).mean(0)
-    if entry.views and not options.nearest_by_angle:
-        return list(entry.views[view_bin(middle, eye)][:views])
+    listed = [] if options.nearest_by_angle else entry.directions_from(view_bin(middle, eye))
+    if listed:
+        return listed[:views]
     towards = eye - middle
     there = {d for d, _, _ in entry.tiles}
     directions = [d for d in world.manifest.direction_by_number.values() if d.number in there]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError, OptionError
 from farfield.octree.grid import CellKey
@@ -52,6 +54,12 @@ MOST_LISTING = 256
 """Leaves below a cell that has geometry, where any of them lists instances: readers place these one by one."""
 MOST_SIDES = 32
 """Images of an impostor."""
+VIEW_BINS = 26
+MOST_PICKED = VIEW_BINS * 512
+"""Tiles picked for all view bins together, at most."""
+ZERO = 35
+"""Code of the character that stands for 0 where a text lists numbers (CellEntry.picked): of those from it on JSON
+escapes one alone."""
 
 
 Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
@@ -80,6 +88,9 @@ class GeometryEntry(GeometryLevel, frozen=True):
 
     levels: Annotated[tuple[GeometryLevel, ...], Meta(max_length=16)] = ()
     """The same with fewer triangles and smaller images, from fine to coarse."""
+    listed: Error = 0
+    """Above the leaves: how much of what is to be seen of the cell instances take that leaves below list, which no form
+    shows; 255 = all. By their boxes, on the mean of two sides."""
 
     @property
     def forms(self) -> tuple[GeometryLevel, ...]:
@@ -128,6 +139,19 @@ class InstancedMesh(msgspec.Struct, frozen=True, omit_defaults=True):
     impostors: Annotated[tuple[Impostor, ...], Meta(max_length=4)] = ()
     """From fine to coarse."""
 
+    def placed(self, corner: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(n, 6) boxes round the instances, and (n, 3, 4) from the mesh's frame to local metres.
+
+        corner: (3,) the leaf's lower one, local metres.
+        """
+        transforms = np.array(self.transforms, np.float64).reshape(-1, 3, 4)
+        transforms[:, :, 3] += corner
+        bounds = np.array(self.bounds)
+        middle, half = bounds.mean(axis=0), (bounds[1] - bounds[0]) / 2
+        at = transforms[:, :, :3] @ middle + transforms[:, :, 3]
+        reach = np.abs(transforms[:, :, :3]) @ half
+        return np.concatenate([at - reach, at + reach], axis=1), transforms
+
 
 class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     """One cell of the index."""
@@ -140,10 +164,12 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     hash: HashOrNone = ""
     tiles: Annotated[tuple[tuple[DirectionNumber, LayerNumber, Count], ...], Meta(max_length=512)] = ()
     """(direction, layer, bytes) of each orthoview tile."""
+    picked: Annotated[tuple[Annotated[str, Meta(max_length=MOST_PICKED)], ...], Meta(max_length=3)] = ()
+    """For each of 26 view bins the tiles to draw, see `pack_picks`."""
     views: Annotated[tuple[Annotated[tuple[DirectionNumber, ...], Meta(max_length=256)], ...], Meta(max_length=26)] = ()
-    """For each of 26 view bins the directions to draw, best first."""
+    """Of older worlds: for each of 26 view bins the directions to draw, best first."""
     picks: Annotated[tuple[Annotated[tuple[PickNumber, ...], Meta(max_length=1024)], ...], Meta(max_length=26)] = ()
-    """For each of 26 view bins the tiles to draw, see write_picks."""
+    """Of older worlds: for each of 26 view bins the tiles to draw, place, steps, place, steps …."""
     children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
     index: HashOrNone = ""
     geometry: GeometryEntry | None = None
@@ -162,9 +188,30 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
 
         Gain: pixels of a view that a kilobyte of it adds to the tiles before it.
         """
-        flat = self.picks[view_bin] if self.picks else ()
-        below = itertools.accumulate(flat[1::2])
-        return [(place, MOST_GAIN * 2.0 ** (-steps / STEPS)) for place, steps in zip(flat[::2], below, strict=True)]
+        places, steps = self._listed(view_bin)
+        below = itertools.accumulate(steps)
+        return [(place, MOST_GAIN * 2.0 ** (-under / STEPS)) for place, under in zip(places, below, strict=True)]
+
+    def _listed(self, view_bin: int) -> tuple[Sequence[int], Sequence[int]]:
+        """Places and steps of a view bin."""
+        if not self.picked:
+            flat = self.picks[view_bin] if self.picks else ()
+            return flat[::2], flat[1::2]
+        counts, places, steps = self.picked
+        first = sum(_numbers(counts[:view_bin]))
+        own = slice(first, first + ord(counts[view_bin]) - ZERO)
+        return _numbers(places[own]), _numbers(steps[own])
+
+    @property
+    def has_picks(self) -> bool:
+        """Whether tiles are picked."""
+        return bool(self.picked or self.picks)
+
+    def directions_from(self, view_bin: int) -> list[int]:
+        """Numbers of the directions to draw for a view bin, best first; none: nothing is told of them."""
+        if self.views:
+            return list(self.views[view_bin])
+        return list(dict.fromkeys(self.tiles[place][0] for place, _ in self.picks_from(view_bin)))
 
     @property
     def cell(self) -> CellKey:
@@ -179,16 +226,32 @@ class IndexTile(msgspec.Struct, frozen=True):
     cells: tuple[CellEntry, ...]
 
 
-def write_picks(picks: Iterable[tuple[int, float]]) -> tuple[int, ...]:
-    """(place, gain) of the tiles picked for a view bin, best first, as CellEntry.picks lists them."""
-    flat: list[int] = []
-    below = 0
-    for place, gain in picks:
-        wanted = round(STEPS * math.log2(MOST_GAIN / gain)) if gain > 0 else WORST_STEPS
-        steps = min(max(wanted - below, 0), WORST_STEPS)
-        below += steps
-        flat += [place, steps]
-    return tuple(flat)
+def pack_picks(picks: Iterable[Iterable[tuple[int, float]]]) -> tuple[str, str, str]:
+    """(place, gain) of the tiles picked for each view bin, best first, as CellEntry.picked lists them.
+
+    How many there are for each bin; the places of all of them; and their steps. A number is a character, the code of
+    which is ZERO more: as lists of numbers they and the directions took a quarter of an index more.
+    """
+    counts: list[int] = []
+    places: list[int] = []
+    steps: list[int] = []
+    for own in picks:
+        below, first = 0, len(places)
+        for place, gain in own:
+            wanted = round(STEPS * math.log2(MOST_GAIN / gain)) if gain > 0 else WORST_STEPS
+            steps.append(min(max(wanted - below, 0), WORST_STEPS))
+            below += steps[-1]
+            places.append(place)
+        counts.append(len(places) - first)
+    return _text(counts), _text(places), _text(steps)
+
+
+def _text(numbers: Iterable[int]) -> str:
+    return "".join(chr(ZERO + number) for number in numbers)
+
+
+def _numbers(text: str) -> list[int]:
+    return [ord(letter) - ZERO for letter in text]
 
 
 def encode_index(tile: IndexTile) -> bytes:
@@ -224,7 +287,8 @@ def _check_cells(tile: IndexTile, where: str) -> None:
             and is_box(entry.bounds)
             and len(set(children)) == len(children)
             and all(_may_be_below(child, entry.cell) for child in children)
-            and all(_are_picks(picks, len(entry.tiles)) for picks in entry.picks)
+            and _are_packed(entry.picked)
+            and all(_are_picks(*entry._listed(n), len(entry.tiles)) for n in range(_bins(entry)))
             and len(entry.losses) in (0, len(entry.children))
             and all(_are_instances(one) for one in entry.instances)
             and (entry.index or names.issuperset(entry.children))
@@ -233,11 +297,25 @@ def _check_cells(tile: IndexTile, where: str) -> None:
             raise CorruptTileError(f"index tile tells what cannot be of cell {entry.key}", where, _HINT)
 
 
-def _are_picks(picks: tuple[int, ...], tiles: int) -> bool:
+def _bins(entry: CellEntry) -> int:
+    """View bins that something is picked for."""
+    return len(entry.picked[0]) if entry.picked else len(entry.picks)
+
+
+def _are_packed(picked: tuple[str, ...]) -> bool:
+    """Whether they are as many as they say, for 26 bins at most."""
+    if not picked:
+        return True
+    if len(picked) != len(("counts", "places", "steps")) or len(picked[0]) > VIEW_BINS:
+        return False
+    counts, places, steps = map(_numbers, picked)
+    return min(counts, default=0) >= 0 and sum(counts) == len(places) == len(steps)
+
+
+def _are_picks(places: Sequence[int], steps: Sequence[int], tiles: int) -> bool:
     """Whether they come in pairs, name tiles that exist, each once, and steps between gains."""
-    places, steps = picks[::2], picks[1::2]
     each_once = len(set(places)) == len(places) == len(steps)
-    return each_once and all(place < tiles for place in places) and all(step <= WORST_STEPS for step in steps)
+    return each_once and all(0 <= place < tiles for place in places) and all(0 <= step <= WORST_STEPS for step in steps)
 
 
 def _are_instances(listed: InstancedMesh) -> bool:

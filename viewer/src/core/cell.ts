@@ -1,7 +1,7 @@
 import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
 import { dynamicBoard, impostorForm } from "./impostors.js";
-import type { CellEntry, GeometryLevel, InstancedMesh, MeshLevel } from "./indextile.js";
+import { listedPicks, type CellEntry, type GeometryLevel, type InstancedMesh, type MeshLevel } from "./indextile.js";
 import { meshForm, placedMesh, type MeshForms, type PlacedMesh } from "./instances.js";
 import { dynamicOf, geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
@@ -56,7 +56,7 @@ export class Cell {
   told: readonly number[] = toldBy(undefined);
   /** How unlike its own pictures those of its parent look in their place. */
   loss = UNTOLD_LOSS;
-  /** For each view bin the directions to draw, best first. */
+  /** Of older worlds: for each view bin the directions to draw, best first. */
   bins: readonly (readonly number[])[] = [];
   /** For each view bin the tiles to draw, best first. */
   picks: readonly (readonly Pick[])[] = [];
@@ -66,6 +66,8 @@ export class Cell {
   wasWhole = false;
   /** Its own geometry in all forms, from fine to coarse; above the leaves that of everything below but for listed instances. */
   forms: readonly CellGeometry[] = [];
+  /** How much of what is to be seen of it instances take that leaves below list, 0 to 1 (GeometryEntry.listed). */
+  listed = 0;
   /** What is placed in it, of a leaf whose index tells. */
   instances: readonly PlacedMesh[] = [];
   /** Cells below that hold something, ascending; null until the index is known that far down. */
@@ -167,7 +169,7 @@ export class Cell {
       views.set(direction, view);
     }
     this.views = views;
-    this.picks = (entry.picks ?? []).map((flat) => this.picksOf(flat, entry));
+    this.picks = listedPicks(entry).map((flat) => this.picksOf(flat, entry));
     this.shown = this.before?.shown.filter(({ cell }) => cell === this) ?? [];
     this.wasWhole = this.before?.wasWhole === true && this.shown.length > 0 && this.shown.length === this.before.shown.length;
     this.describeGeometry(entry, shared, take);
@@ -181,13 +183,14 @@ export class Cell {
     for (let n = 0; n < flat.length; n += 2) {
       const [direction, layer] = tiles[flat[n]!]!;
       steps += flat[n + 1]!;
-      picks.push({ tile: this.views.get(direction)!.layers[layer]!, layer, gain: MOST_GAIN * 2 ** (-steps / STEPS) });
+      picks.push({ tile: this.views.get(direction)!.layers[layer]!, direction, layer, gain: MOST_GAIN * 2 ** (-steps / STEPS) });
     }
     return picks;
   }
 
   private describeGeometry({ geometry: near }: CellEntry, shared: SharedMeshes, take: Take): void {
     if (!near) return;
+    this.listed = (near.listed ?? 0) / 255;
     this.forms = [near, ...(near.levels ?? [])].map((entry, level) => {
       const leaf = take(geometryKey(this.name, entry.hash), "geometry", entry.bytes);
       return { entry, level, leaf, meshes: entry.meshes.map(([hash, bytes]) => shared.get(hash, bytes)) };
@@ -214,8 +217,8 @@ export class Cell {
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
     if (this.views.size === 0 && this.forms.length === 0) {
-      const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances } = before;
-      Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, instances });
+      const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, listed, instances } = before;
+      Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, listed, instances });
       for (const resource of before.resources) resource.moveTo(this);
     }
     this.readHash = before.readHash;

@@ -15,13 +15,6 @@ const MESH_TRIANGLES = 1;
 const FIRST_OWN = 32;
 /** Leaf edges within which leaves are geometry: graphics cards hold boxes of 256 (near/leaflookup.ts). */
 const REACH = 120;
-/** A cell higher up lists nothing below itself: it has no form of its own where more than 256 leaves do (spec/world.md). */
-const HIGHEST_WITH_INSTANCES = 4;
-/**
- * Of what a form of a cell's own shows, as long as the leaves below are not known, which may list instances that it lacks: in a city of
- * houses placed one by one it is bare ground, and was drawn for a second before any picture of the houses.
- */
-const UNSEEN = 0.5;
 /** Views that errors are told for. */
 const REACHES = 3;
 /** Of the diagonal of what is in a cell: what is in it is not nearer than that, on the whole, to who stands in it. */
@@ -188,16 +181,14 @@ export function isWithinReach(away: number, leafSize: number): boolean {
   return away < REACH * leafSize;
 }
 
-/** How well a form shows a cell where a pixel is `width` metres wide: 1 = as the full geometry. From nearer than is told of its own forms go on as pictures do. */
+/**
+ * How well a form shows a cell where a pixel is `width` metres wide: 1 = as the full geometry. From nearer than is told of its own forms
+ * go on as pictures do. These lack what leaves below list: as long as those are not known it is missing from the picture, too.
+ */
 export function accuracyOf(form: CellForm, cell: Cell, pitch: number, width: number): number {
   if (!form.own) return 1 - errorAt(form, pitch, width);
   const shown = pictureAccuracy(form.told, (pitch * 2 ** cell.level) / width);
-  return mayListInstances(cell) && !isKnownBelow(cell) ? UNSEEN * shown : shown;
-}
-
-/** Whether instances may be listed below a cell, which a form of its own does not show. */
-export function mayListInstances({ level }: Pick<Cell, "level">): boolean {
-  return level <= HIGHEST_WITH_INSTANCES;
+  return cell.listed > 0 && !isKnownBelow(cell) ? (1 - cell.listed) * shown : shown;
 }
 
 /**

@@ -1,5 +1,5 @@
 import type { Cell } from "./cell.js";
-import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, mayListInstances, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
+import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
 import { bestShown, heldBoards, sightOf, type HeldBoards } from "./impostors.js";
 import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
@@ -9,11 +9,8 @@ import { pictureAccuracy } from "./stream/accuracy.js";
 import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
-/**
- * Accuracy that instances in a cell may lack, on the mean, beside its pictures, for its own form to take their place: what is told of
- * meshes has half as much on top.
- */
-const LESS = 0.25;
+/** Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has half as much on top. */
+const MORE = 0.25;
 
 /** How what is far is looked at. */
 export interface FarView {
@@ -34,16 +31,12 @@ export function heldForm(cell: Cell, view: FarView, pictures: number): CellForm 
   if (!mayBeGeometry(view)) return null;
   const reaches = isWithinReach(distanceTo(cell.bounds, eye), grid.leafSize);
   const held = formsOf(cell, grid.resolution).filter((form) => isHeld(form) && (form.own || (form.far && reaches)));
-  // Pictures show what is placed in the cell as well.
-  const may = pictures < 1 || !held.some(({ own }) => own) || showsInstances(cell, view) ? held : held.filter(({ own }) => !own);
-  return bestOf(may, cell, view, pictures);
+  return bestOf(held, cell, view, pictures);
 }
 
 /** The same of the forms of a cell above the leaves alone: that by which it stands in. */
 export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
-  if (!mayBeGeometry(view)) return null;
-  const form = bestOf(ownForms(cell).filter(isHeld), cell, view, pictures);
-  return form && (pictures < 1 || showsInstances(cell, view)) ? form : null;
+  return mayBeGeometry(view) ? bestOf(ownForms(cell).filter(isHeld), cell, view, pictures) : null;
 }
 
 /**
@@ -53,10 +46,9 @@ export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellFo
 export function heldFormAbove(cell: Cell, view: FarView, directions: ReadonlyMap<number, Direction>): CellForm | null {
   if (!mayBeGeometry(view)) return null;
   for (let above = cell.parent; above; above = above.parent) {
-    const isCovered = arePicturesHeld(above, view, directions);
     const form = bestOf(ownForms(above).filter(isHeld), cell, view, 1, above);
-    if (form && (!isCovered || showsInstances(above, view))) return form;
-    if (isCovered) return null;
+    if (form) return form;
+    if (arePicturesHeld(above, view, directions)) return null;
   }
   return null;
 }
@@ -82,14 +74,19 @@ function isHeld({ resources }: CellForm): boolean {
 }
 
 /** Of forms of a cell, or of one above it, that which shows most, the first of those that show as much, if it is at least as much as such a share of the pictures. */
-function bestOf(forms: readonly CellForm[], cell: Cell, { eye, focal, grid }: FarView, pictures: number, of = cell): CellForm | null {
+function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures: number, of = cell): CellForm | null {
   if (forms.length === 0) return null;
+  const { eye, focal, grid } = view;
   const pitch = grid.leafSize / grid.resolution;
   const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
-  const each = forms.map((form) => accuracyOf(form, of, pitch, width));
+  const placed = forms.some(({ own }) => own) && of.listed > 0 && isKnownBelow(of) ? of.listed * instancesShown(of, view) : 0;
+  const each = forms.map((form) => {
+    const shown = accuracyOf(form, of, pitch, width);
+    if (!form.own || of.listed === 0) return shown;
+    return isKnownBelow(of) ? (1 - of.listed) * shown + placed : shown;
+  });
   const most = Math.max(...each);
-  const shown = pictures * shownByPictures(cell, pitch, width);
-  return most >= shown ? forms[each.indexOf(most)]! : null;
+  return most >= pictures * shownByPictures(cell, pitch, width) ? forms[each.indexOf(most)]! : null;
 }
 
 /**
@@ -101,24 +98,24 @@ function shownByPictures({ told, level }: Pick<Cell, "told" | "level">, pitch: n
   return pictureAccuracy(told, level > 0 ? Math.max(own, 1) : own);
 }
 
-/**
- * Whether each instance that is listed below a cell farther away than near can be drawn by something that is held, and all of them, on the
- * mean, about as well as the cell's pictures show them.
- */
-function showsInstances(cell: Cell, view: FarView): boolean {
-  if (!isKnownBelow(cell)) return !mayListInstances(cell);
-  const { eye, focal, grid } = view;
-  const pitch = grid.leafSize / grid.resolution;
-  const finest = finestAfar(cell, grid.resolution);
-  const shown = [...meshesBelow(cell)].flatMap(([forms, all]) => {
+/** How much of the instances that are listed below a cell farther away than near is drawn by what is held, by their sizes on the mean. */
+function instancesShown(cell: Cell, view: FarView): number {
+  const finest = finestAfar(cell, view.grid.resolution);
+  let [sum, all] = [0, 0];
+  for (const [forms, listed] of meshesBelow(cell)) {
     const form = finest < Infinity ? heldMesh(forms, finest) : null;
-    const boards = heldBoards(all[0]!.impostors);
-    return all.flatMap((placed) => placed.instances.map((instance) => instanceShown(placed, instance, form, boards, view)));
-  });
-  if (shown.length === 0) return true;
-  const pictures = shownByPictures(cell, pitch, pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal));
-  const mean = shown.reduce<number>((sum, one) => sum + (one ?? 0), 0) / shown.length;
-  return shown.every((one) => one !== null) && mean >= pictures - LESS;
+    const boards = heldBoards(listed[0]!.impostors);
+    for (const placed of listed) {
+      for (const instance of placed.instances) {
+        const { lower, upper } = instance.bounds;
+        const side = Math.hypot(upper[0] - lower[0], upper[1] - lower[1]) * (upper[2] - lower[2]);
+        all += side;
+        const shown = form || boards.length > 0 ? instanceShown(placed, instance, form, boards, view) : null;
+        if (shown !== null) sum += side * Math.min(shown + MORE, 1);
+      }
+    }
+  }
+  return all > 0 ? sum / all : 0;
 }
 
 /** How much of an instance is shown by a form of its mesh, or by the best of some boards; null: it cannot be drawn. */

@@ -8,6 +8,9 @@ import type { Vector3 } from "./vector.js";
 const PACKED = { magic: 0x58494646, largest: 64 << 20, name: "an index tile" };
 /** From the gain of one picked tile to the next. */
 const WORST_STEPS = 255;
+const VIEW_BINS = 26;
+/** Code of the character that stands for 0 where a text lists numbers. */
+const ZERO = 35;
 /** Meshes of which a leaf lists instances, and of each as many; forms of a mesh. */
 const MOST_INSTANCES = 16;
 const MOST_LEVELS = 16;
@@ -46,6 +49,11 @@ export interface GeometryLevel {
 export interface GeometryEntry extends GeometryLevel {
   /** The same with fewer triangles and smaller images, from fine to coarse. */
   readonly levels?: readonly GeometryLevel[];
+  /**
+   * Above the leaves: how much of what is to be seen of the cell instances take that leaves below list, which no form shows; 255 = all.
+   * Older worlds: left out.
+   */
+  readonly listed?: number;
 }
 
 /** A shared mesh in one of its forms, which shows all of it. */
@@ -94,9 +102,14 @@ export interface CellEntry {
   readonly hash?: string;
   /** (direction, layer, bytes) of each orthoview tile. */
   readonly tiles?: readonly (readonly [number, number, number])[];
-  /** For each of 26 view bins the directions to draw, best first. */
+  /**
+   * For each of 26 view bins the tiles to draw, best first: how many, the places in `tiles` of all of them, and steps down to their gains;
+   * each number a character, see ZERO.
+   */
+  readonly picked?: readonly string[];
+  /** Of older worlds: for each of 26 view bins the directions to draw, best first. */
   readonly views?: readonly (readonly number[])[];
-  /** For each of 26 view bins the tiles to draw, best first: (place in `tiles`, steps down to its gain), flat. */
+  /** Of older worlds: for each of 26 view bins the tiles to draw, best first: (place in `tiles`, steps down to its gain), flat. */
   readonly picks?: readonly (readonly number[])[];
   readonly children?: readonly string[];
   readonly index?: string;
@@ -140,14 +153,14 @@ function parse(text: string, where: string): Json {
 /** Throws `corrupt` unless every member is of its type and within its limits: what draws a frame does not look again. */
 function checkCell(cell: unknown, where: string): void {
   if (!isObject(cell) || typeof cell["key"] !== "string") throw corrupt("index tile tells of no cell", where);
-  const { key, bounds, error, hash = "", tiles = [], views = [], picks = [], children = [], index = "", geometry = null, instances = [], errors = [], losses = [] } = cell;
+  const { key, bounds, error, hash = "", tiles = [], views = [], picked, picks = unpackPicks(picked), children = [], index = "", geometry = null, instances = [], errors = [], losses = [] } = cell;
   const { level } = parseKey(key as string);
   const sane =
     isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) && isList(errors, isError, 8) &&
     isList(losses, isError, 8) && (losses.length === 0 || losses.length === (children as readonly string[]).length) &&
     isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) &&
     isList(instances, isInstanced, MOST_INSTANCES) &&
-    isList(picks, (bin) => arePicks(bin, tiles.length), 26) && isList(children, isString, 8) && new Set(children).size === children.length &&
+    isList(picks, (bin) => arePicks(bin, tiles.length), VIEW_BINS) && isList(children, isString, 8) && new Set(children).size === children.length &&
     children.every((child) => parseKey(child).level === level - 1);
   if (!sane) throw corrupt(`index tile tells what cannot be of cell ${String(key)}`, where);
 }
@@ -166,6 +179,24 @@ function isDirection(value: unknown): value is number {
 
 function isBin(value: unknown): value is readonly number[] {
   return isList(value, isDirection, 256);
+}
+
+/** Of a cell, for each view bin, the tiles to draw, best first: (place in `tiles`, steps down to its gain), flat. */
+export function listedPicks({ picked, picks }: CellEntry): readonly (readonly number[])[] {
+  return picks ?? unpackPicks(picked) ?? [];
+}
+
+/** The same of CellEntry.picked; null: it is not as many as it says. */
+function unpackPicks(picked: unknown): readonly (readonly number[])[] | null {
+  if (picked === undefined) return [];
+  if (!isList(picked, isString, 3) || picked.length < 3 || picked[0]!.length > VIEW_BINS) return null;
+  const [counts, places, steps] = picked.map((text) => Array.from(text, (letter) => letter.codePointAt(0)! - ZERO)) as [number[], number[], number[]];
+  if (counts.some((count) => count < 0) || counts.reduce((sum, count) => sum + count, 0) !== places.length || steps.length !== places.length) return null;
+  let first = 0;
+  return counts.map((count) => {
+    first += count;
+    return places.slice(first - count, first).flatMap((place, n) => [place, steps[first - count + n]!]);
+  });
 }
 
 /** Whether they come in pairs, name tiles that exist, each once, and steps between gains. */
@@ -189,7 +220,7 @@ function isMesh(value: unknown): value is readonly [string, number] {
 }
 
 function isGeometry(value: unknown): boolean {
-  return isLevel(value) && isList((value as Json)["levels"] ?? [], isLevel, MOST_LEVELS);
+  return isLevel(value) && isList(value["levels"] ?? [], isLevel, MOST_LEVELS) && isError(value["listed"] ?? 0);
 }
 
 function isLevel(value: unknown): value is Json {

@@ -17,6 +17,7 @@ export interface ViewChoice {
 /** A tile that is picked for a view bin. */
 export interface Pick {
   readonly tile: Resource;
+  readonly direction: number;
   readonly layer: number;
   /** Pixels of a view that it adds to those before it, a kilobyte. */
   readonly gain: number;
@@ -54,7 +55,7 @@ function picked(picks: readonly Pick[], { layers, leastGain }: ViewChoice): Reso
 
 /** The views that the cell lists for the bin; of a cell without lists all, by angle. */
 function viewsFrom(cell: Cell, bin: number, directions: ReadonlyMap<number, Direction>, eye: Vector3): CellView[] {
-  const listed = cell.bins[bin] ?? [];
+  const listed = cell.bins[bin] ?? [...new Set((cell.picks[bin] ?? []).map(({ direction }) => direction))];
   if (listed.length > 0) return listed.flatMap((direction) => cell.views.get(direction) ?? []);
   const middle = middleOf(cell.bounds);
   const towards: Vector3 = [eye[0] - middle[0], eye[1] - middle[1], eye[2] - middle[2]];

@@ -108,7 +108,7 @@ def _blur(materials: Materials, image: int) -> tuple[float, ...]:
         mips.append(materials.pixels[at : at + rows * columns].reshape(rows, columns, 4))
         at += rows * columns
     # An image and its shape tell its smaller sizes.
-    key = blake2b(np.ascontiguousarray(mips[0]), digest_size=16, salt=mips[0].shape[1].to_bytes(16, "little")).digest()
+    key = blake2b(mips[0].tobytes(), digest_size=16, salt=mips[0].shape[1].to_bytes(16, "little")).digest()
     if key not in _BLUR:
         while len(_BLUR) >= _REMEMBERED:
             del _BLUR[next(iter(_BLUR))]

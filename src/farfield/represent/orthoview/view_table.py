@@ -1,4 +1,4 @@
-"""Which directions and tiles to draw a cell from, decided at bake for every view bin (OV 5.1).
+"""Which tiles to draw a cell from, decided at bake for every view bin (OV 5.1).
 
 The nearest directions by angle miss whole surfaces: in a city the three nearest of the sides and the top lose the
 ground. A greedy cover of what is seen from a bin gains 1.4 to 3 dB over them at the same number of views.
@@ -28,8 +28,6 @@ from farfield.represent.orthoview.layer import OrthoLayer
 _One = TypeVar("_One")
 _Made = TypeVar("_Made")
 
-MOST_VIEWS = 5
-"""Directions listed for a bin, best first."""
 MOST_PICKS = 16
 """Tiles listed for a bin."""
 LEAST_GAIN = 4.0
@@ -66,8 +64,6 @@ class Each(Protocol):
 class ViewTable:
     """For each of the 26 view bins what to draw, best first."""
 
-    views: tuple[tuple[int, ...], ...]
-    """Numbers of up to MOST_VIEWS directions that together show most."""
     picks: tuple[tuple[tuple[int, float], ...], ...]
     """(tile, gain) of up to MOST_PICKS tiles, best gain first: the place of the tile in the listing of all, ascending
     by direction and layer, and the pixels of a view that a kilobyte of it adds to those before it; above the leaves a
@@ -115,15 +111,15 @@ def choose_views(
     key: CellKey,
     each: Each = map,
 ) -> ViewTable:
-    """Chooses directions and tiles for every view bin of a cell.
+    """Chooses tiles for every view bin of a cell.
 
     layers: the one or two layers of each baked direction by its number; directions without layers show nothing.
-    sizes: bytes of the tile of each (direction, layer). Every bin gets at least one direction unless there is no layer
+    sizes: bytes of the tile of each (direction, layer). Every bin gets at least one tile unless there is no layer
     at all. Deterministic. each: does the bins.
     """
     views = sorted((d for d in directions if layers.get(d.number)), key=lambda d: d.number)
     if not views:
-        return ViewTable(((),) * len(PRINCIPAL), ((),) * len(PRINCIPAL))
+        return ViewTable(((),) * len(PRINCIPAL))
     lower, upper = grid.bounds(key)
     middle, size = (lower + upper) / 2, float((upper - lower).max())
     step = max(1, round(size / grid.pitch(key.level) / SAMPLES_ACROSS))
@@ -141,7 +137,7 @@ def choose_views(
     unit = whole / 1000 / grid.resolution**2
     least = LEAST_GAIN * unit
 
-    def best(vector: tuple[int, int, int]) -> tuple[tuple[int, ...], tuple[tuple[int, float], ...]]:
+    def best(vector: tuple[int, int, int]) -> tuple[tuple[int, float], ...]:
         nearest = np.empty((len(of_tile), EYES, PICTURE, PICTURE), np.float32)
         quality = np.empty(nearest.shape, np.uint8)
         for eye, looking in enumerate(_eyes(vector)):
@@ -149,22 +145,19 @@ def choose_views(
             draw_samples(samples, starts, towards, camera, focal, np.float32(spacing), eye, nearest, quality)
         shown = Shown.of(quality, nearest, tolerance)
         discount_hidden(shown.nearest, shown.quality, tolerance, np.float32(BEHIND))
-        of_views = shown.of_views(first)
-        order = [view for view, _ in of_views.cover(np.ones(len(views)), 0.0, MOST_VIEWS)]
-        if not order:
-            order = _nearest_by_angle(np.array([d.vector for d in views], dtype=np.float32), vector)
-            picks = [(int(first[order[0]]), 0.0)]
-        elif key.level == 0:
+        if key.level == 0:
             picks = [(tile, gain / cost[tile]) for tile, gain in shown.cover(cost, least, MOST_PICKS)]
         else:
             picks = [
                 (tile, gain / cost_of_views[view])
-                for view, gain in of_views.cover(cost_of_views, least, MOST_PICKS // 2)
+                for view, gain in shown.of_views(first).cover(cost_of_views, least, MOST_PICKS // 2)
                 for tile in range(first[view], first[view] + len(layers[views[view].number]))
             ]
-        return tuple(views[k].number for k in order), tuple((tile, gain / unit) for tile, gain in picks)
+        if not picks:
+            picks = [(int(first[_nearest_by_angle(np.array([d.vector for d in views], np.float32), vector)]), 0.0)]
+        return tuple((tile, gain / unit) for tile, gain in picks)
 
-    return ViewTable(*zip(*each(best, PRINCIPAL), strict=True))
+    return ViewTable(tuple(each(best, PRINCIPAL)))
 
 
 def _eyes(vector: tuple[int, int, int]) -> NDArray[np.float64]:
@@ -176,12 +169,11 @@ def _eyes(vector: tuple[int, int, int]) -> NDArray[np.float64]:
     return np.array([middle, *(middle + spread * side for side in (u, -u, v, -v))])
 
 
-def _nearest_by_angle(towards: NDArray[np.float32], vector: tuple[int, int, int]) -> list[int]:
+def _nearest_by_angle(towards: NDArray[np.float32], vector: tuple[int, int, int]) -> int:
     """For a bin that sees nothing but backs: an eye elsewhere in the bin may see more."""
     x, y, z = vector
     cosine = towards[:, 0] * x + towards[:, 1] * y + towards[:, 2] * z
-    order: list[int] = np.argsort(-cosine, kind="stable").tolist()
-    return order[:MOST_VIEWS]
+    return int(np.argmax(cosine))
 
 
 def _samples(
