@@ -123,8 +123,8 @@ def test_whole_pictures_show_houses_as_well(world: World) -> None:
 def test_pictures_that_show_houses_much_better_stay(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = keys(world, f"orthoview/{ROOT}/")
     held = pictures | merged(world, ROOT) | keys(world, "mesh")
-    for less, cells in ((0.0, 0), (-1.0, 1)):
-        monkeypatch.setattr(kinds, "LESS", less)
+    for more, cells in ((0.25, 0), (-1.0, 1)):
+        monkeypatch.setattr(kinds, "MORE", more)
         assert drawn(world, held, FAR).statistics.cells == cells
 
 

@@ -33,7 +33,13 @@ function makeSolidWorld(own: (key: CellKey) => Partial<CellEntry> = () => ({})) 
   return { ...world, cell, leafOf };
 }
 
-const withStatue = ({ level, x, y }: CellKey): Partial<CellEntry> => (level === 0 && x === 0 && y === 0 ? { instances: [STATUE] } : {});
+/** Of what is to be seen of the cells above it, a statue takes most. */
+const LISTED = 220;
+
+const withStatue = ({ level, x, y }: CellKey, instances = [STATUE]): Partial<CellEntry> => {
+  if (x > 0 || y > 0) return {};
+  return level === 0 ? { instances } : { geometry: { ...form("20", 10), levels: [form("21", 60)], listed: LISTED } };
+};
 
 /** Four cells of level 1 make up the cut. */
 const AFAR = { near: 0.1, radius: 2, eye: [2, -5, 0.5] as Vector3, farGeometry: true };
@@ -124,13 +130,16 @@ describe("geometry of cells above the leaves", () => {
     expect(found.instances.map(({ form: { mesh } }) => mesh.key)).toEqual(["mesh/a2"]);
   });
 
-  it("is taken to show half as much as long as the leaves below, which may list instances, are not known", () => {
+  it("is taken to lack what leaves below list as long as these are not known", () => {
     const shown = (changes: Partial<Cell>): number => {
       const cell = Object.assign(makeSolidWorld().cell("1/0/0/0"), changes);
       return accuracyOf(formsOf(cell, 16).find((form) => form.own)!, cell, 1 / 16, 0.01);
     };
+    const unknown = { children: null, indexHash: "ab" };
     expect(shown({})).toBeGreaterThan(0.5);
-    expect(shown({ children: null, indexHash: "ab" })).toBeCloseTo(shown({}) / 2, 9);
+    expect(shown({ listed: 0.6 })).toBe(shown({}));
+    expect(shown(unknown)).toBe(shown({}));
+    expect(shown({ ...unknown, listed: 0.6 })).toBeCloseTo(0.4 * shown({}), 9);
   });
 
   it("is not in place of pictures that show the instances in it much better", () => {
@@ -140,7 +149,7 @@ describe("geometry of cells above the leaves", () => {
       const instances = [{ ...STATUE, levels: [full, { ...coarse, errors: levelErrors }] }];
       const { root, cell, leafOf } = makeSolidWorld(({ level, x, y }) => ({
         errors: pictureErrors,
-        ...(level === 0 && x === 0 && y === 0 && { instances }),
+        ...withStatue({ level, x, y, z: 0 }, instances),
       }));
       hold([leafOf("2/0/0/0"), ...tilesOf(root), cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);
       return solids(plan(root, far));
