@@ -41,6 +41,12 @@ def test_picked_tiles_that_cannot_be_are_damage(picked: tuple[str, ...]) -> None
         decode_index(index_of(picked), "test")
 
 
+def test_picked_tiles_are_texts() -> None:
+    """The same as in the viewer's tests."""
+    gains = [[(2, 65536 / 2), (0, 65536 / 8)], [], [(1, 65536 * 2.0 ** (-255 / 4))]]
+    assert pack_picks(gains) == ("%#$", "%#$", "'+\u0122")
+
+
 def test_picks_of_older_worlds_are_read() -> None:
     entry = decode_index(index_of(picks=((2, 4, 0, 8),) * 26), "test").cells[0]
     assert entry.picks_from(25) == [(2, 32768.0), (0, 8192.0)]

@@ -2,6 +2,7 @@ import { deflateRawSync } from "node:zlib";
 import { describe, expect, it } from "vitest";
 import * as core from "../src/core/index.js";
 import { crc32 } from "../src/core/crc32.js";
+import { listedPicks } from "../src/core/indextile.js";
 import { airOf, readHash, writeHash } from "../src/app/hash.js";
 import { defaultOptions } from "../src/three/options.js";
 import { aimOf, overview, reachOf } from "../src/app/pose.js";
@@ -118,6 +119,25 @@ describe("decodeIndexTile", () => {
     ["a place of words", [{ ...PLACED, transforms: [PLACE.map(String)] }]],
   ])("refuses instances with %s", (_, instances) => {
     expect(() => core.decodeIndexTile(placing(...instances), "here")).toThrow(expect.objectContaining({ tag: "corrupt" }));
+  });
+
+  const picking = (picked: unknown): Uint8Array =>
+    tile({ root: "0/0/0/0", cells: [{ key: "0/0/0/0", bounds: [[0, 0, 0], [1, 1, 1]], error: 1, tiles: [[3, 0, 9], [3, 1, 9], [5, 0, 9]], picked }] });
+
+  it("reads picked tiles as Python writes them", () => {
+    const [cell] = core.decodeIndexTile(picking(["%#$", "%#$", "'+\u0122"]), "here");
+    expect(listedPicks(cell!)).toEqual([[2, 4, 0, 8], [], [1, 255]]);
+    const { picked: _, ...without } = cell!;
+    expect(listedPicks(without)).toEqual([]);
+    expect(listedPicks({ ...without, picks: [[1, 2]] })).toEqual([[1, 2]]);
+  });
+
+  it.each<[string, unknown]>([
+    ["fewer than said", ["%", "#", "#"]], ["more", ["$", "$$", "#"]], ["no places", ["$"]], ["too many", ["$", "#", "#", "#"]],
+    ["below 0", ["$\"", "#", "#"]], ["27 bins", ["#".repeat(27), "", ""]], ["no such tile", ["$", "&", "#"]],
+    ["too far down", ["$", "#", "\u0123"]], ["twice", ["%", "##", "##"]], ["numbers", [1, 2, 3]], ["no list", "$#"], ["nothing", null],
+  ])("refuses picked tiles with %s", (_, picked) => {
+    expect(() => core.decodeIndexTile(picking(picked), "here")).toThrow(expect.objectContaining({ tag: "corrupt" }));
   });
 
   it("refuses damage", () => {
