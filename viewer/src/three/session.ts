@@ -397,7 +397,8 @@ export class Session {
 
   private place({ pictures, geometry, solids, instances }: Plan, view: SplatView): void {
     this.splats.set(pictures, view);
-    this.near.set({ leaves: geometry, solids, instances }, view.viewpoint, view.sun);
+    const { farOnly, near } = this.view!;
+    this.near.set({ leaves: geometry, solids, instances, leftOut: farOnly ? near : 0 }, view.viewpoint, view.sun);
   }
 
   /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */

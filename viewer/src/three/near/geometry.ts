@@ -21,6 +21,8 @@ export interface NearDraws {
   readonly solids: readonly SolidDraw[];
   /** By themselves. */
   readonly instances: readonly InstancesDraw[];
+  /** Metres within which leaves are left out; 0: none are. */
+  readonly leftOut: number;
 }
 
 /** Draws leaves as geometry: their own triangles, and the instances that reach into them, clipped to them. Others by themselves, and cells above. */
@@ -52,8 +54,9 @@ export class NearGeometry {
   }
 
   /** Takes what is to be drawn. */
-  set({ leaves, solids, instances }: NearDraws, viewpoint: Viewpoint, sun: Vector3): void {
+  set({ leaves, solids, instances, leftOut }: NearDraws, viewpoint: Viewpoint, sun: Vector3): void {
     this.materials.set(viewpoint, sun);
+    this.materials.leftOut.value = leftOut;
     this.placed.set(instances, viewpoint.eye);
     this.solids.set(solids, viewpoint.eye);
     const drawn = leaves.map(({ leaf, level }) => ({ cell: leaf.cell!, model: leaf.payload as NearModel, level }));

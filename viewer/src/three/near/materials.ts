@@ -18,6 +18,8 @@ export type SolidUniforms = ReturnType<typeof holeUniforms> & { readonly behind:
 export class NearMaterials {
   readonly leaves: { value: Data3DTexture | null } = { value: null };
   readonly leavesLower = { value: new Vector3() };
+  /** Metres: of what is placed by itself nothing is drawn in leaves nearer than this. */
+  readonly leftOut = { value: 0 };
   private readonly shared = {
     toX: { value: new Vector3() },
     toY: { value: new Vector3() },
@@ -59,10 +61,11 @@ export class NearMaterials {
     if (surface.unlit) defines["UNLIT"] = "";
     if (kind === "clipped" || kind === "placed") defines["INSTANCED"] = "";
     if (kind === "clipped") defines["CLIPPED"] = "";
+    if (kind === "placed") defines["PLACED"] = "";
     if (kind === "moving") defines["MOVING"] = "";
     if (kind === "solid") defines["SOLID"] = "";
     if (!geometry.hasAttribute("normal")) geometry.computeVertexNormals();
-    const lookup = { leaves: this.leaves, leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
+    const lattice = { leavesLower: this.leavesLower, leafSize: { value: this.leafSize } };
     return new RawShaderMaterial({
       name: "farfield near geometry",
       glslVersion: GLSL3,
@@ -77,7 +80,8 @@ export class NearMaterials {
         ...this.shared,
         ...this.light,
         ...own,
-        ...(kind === "clipped" ? { ...lookup, levels: { value: 0 } } : {}),
+        ...(kind === "clipped" ? { ...lattice, leaves: this.leaves, levels: { value: 0 } } : {}),
+        ...(kind === "placed" ? { ...lattice, leftOut: this.leftOut } : {}),
         map: { value: surface.map },
         factor: { value: new Vector4(...surface.factor) },
         cutoff: { value: surface.cutoff },

@@ -15,6 +15,11 @@ uniform int levels;             // a bit each, at which it is drawn by this mesh
 uniform vec3 leavesLower;       // of its first texel, relative to the eye
 uniform float leafSize;
 #endif
+#ifdef PLACED
+uniform float leftOut;    // metres: leaves nearer than that are left out, with what reaches into them
+uniform vec3 leavesLower; // corner of one of them, relative to the eye
+uniform float leafSize;
+#endif
 #ifdef SOLID
 uniform float behind; // metres by which finer parts of the same go before it
 uniform float margin; // metres by which it is drawn beyond its holes, as much farther away
@@ -43,6 +48,11 @@ void main() {
     if (any(lessThan(leaf, vec3(0.0))) || any(greaterThanEqual(leaf, vec3(textureSize(leaves, 0))))) discard;
     int level = int(texelFetch(leaves, ivec3(leaf), 0).r * 255.0 + 0.5) - 1;
     if (level < 0 || ((levels >> level) & 1) == 0) discard;
+#endif
+#ifdef PLACED
+    vec3 lower = leavesLower + floor((point - leavesLower) / leafSize) * leafSize;
+    vec3 gap = max(max(lower, -(lower + leafSize)), 0.0);
+    if (leftOut > 0.0 && dot(gap, gap) < leftOut * leftOut) discard;
 #endif
 #ifdef SOLID
     float back = behind;
