@@ -120,6 +120,20 @@ def test_whole_pictures_show_houses_as_well(world: World) -> None:
     assert with_houses.statistics.cells == 0
 
 
+def test_pictures_of_cells_above_stay_where_ground_alone_shows_less(world: World) -> None:
+    """Here houses take less of what is to be seen than in a city, so they are told to take more."""
+    below = [number for number, entry in enumerate(CellTree.of(world).entries) if entry.cell.level == ROOT.level - 1]
+    seen = kinds.Kinds(world, np.array(NEAR.eye), 500.0, 10.0)
+    is_town = seen._tree.listed > 0.08
+    seen._tree.listed[is_town] = 0.9
+    cells = [seen._tree.entries[number].cell for number in below]
+    ground = merged(world, *cells)
+    assert {bool(is_town[number]) for number in below} == {True, False}
+    stands = [seen.stands_in(cell, ground | keys(world, f"orthoview/{ROOT}/")) for cell in cells]
+    assert stands == [not is_town[number] for number in below]
+    assert all(seen.stands_in(cell, ground) for cell in cells)
+
+
 def test_pictures_that_show_houses_much_better_stay(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     pictures = keys(world, f"orthoview/{ROOT}/")
     held = pictures | merged(world, ROOT) | keys(world, "mesh")

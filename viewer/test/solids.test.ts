@@ -231,6 +231,19 @@ describe("what stands in as geometry", () => {
     expect(found.instances).toHaveLength(1);
   });
 
+  it("leaves pictures of cells above in place that show more than ground without what stands on it", () => {
+    for (const place of [AFAR, CLOSE]) {
+      const { root, cell, leafOf } = makeSolidWorld(withStatue);
+      hold([leafOf("1/0/0/0")]);
+      expect(solids(plan(root, place))).toEqual(["1/0/0/0 0"]);
+      hold(tilesOf(root));
+      expect(solids(plan(root, place))).toEqual([]);
+      expect(drawn(plan(root, place))).toEqual(["2/0/0/0"]);
+      hold([cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);
+      expect(solids(plan(root, place))).toEqual(["1/0/0/0 0"]);
+    }
+  });
+
   it("does before whole pictures that show less, unless these show an instance that cannot be drawn", () => {
     const { root, cell, leafOf } = makeSolidWorld(withStatue);
     hold([leafOf("2/0/0/0", 1), ...tilesOf(root)]);

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, dynamic_angle, side_angles, sines, squareness
-from farfield.stream.accuracy import picture_accuracy
+from farfield.stream.accuracy import loss_from, picture_accuracy
 from farfield.stream.regions import pixel_width
-from farfield.stream.tree import REACH, CellForms, CellTree, merged_accuracy, told_errors
+from farfield.stream.tree import NONE, REACH, CellForms, CellTree, merged_accuracy, told_errors
 from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
@@ -229,13 +229,23 @@ class Kinds:
         return all(CellKey(0, *key) in leaves for key in itertools.product(*ranges))
 
     def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> float:
-        """Accuracy of what is held of a cell's pictures."""
+        """Accuracy of what shows most of a cell: what is held of its pictures, or of those of a cell above it."""
+        tree, shown = self._tree, self._by_pictures(number, width)
+        most = self._share(number, held) * shown
+        while (above := int(tree.parents[number])) != NONE:
+            shown *= 1 - float(loss_from(tree.losses[number], tree.errors[above] / width))
+            most = max(most, self._share(above, held) * shown)
+            number = above
+        return most
+
+    def _share(self, number: int, held: Collection[str]) -> float:
+        """How much of what a cell's pictures show is held."""
         tree = self._tree
         if not tree.has_pictures[number]:
             return 0.0
         middle = tree.bounds[number].reshape(2, 3).mean(axis=0)
         value = tree.pictures(number, view_bin(middle, self._eye), self._least_gain)
-        return value.shown_by(set(held)) * self._by_pictures(number, width)
+        return sum(share for share, key in zip(value.shares, value.keys, strict=True) if key in held)
 
     def _by_pictures(self, number: int, width: NDArray[np.float64]) -> float:
         """Accuracy of a cell's own pictures, all of them.

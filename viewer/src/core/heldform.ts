@@ -5,12 +5,18 @@ import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
-import { pictureAccuracy } from "./stream/accuracy.js";
+import { lossFrom, pictureAccuracy } from "./stream/accuracy.js";
 import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has half as much on top. */
 const MORE = 0.25;
+
+interface Best {
+  readonly form: CellForm;
+  /** How much it shows. */
+  readonly shown: number;
+}
 
 /** How what is far is looked at. */
 export interface FarView {
@@ -25,18 +31,25 @@ export interface FarView {
   readonly choice: ViewChoice;
 }
 
-/** The form that is held and shows most of a cell farther away than near, if that is as much as pictures, held so far, do. */
-export function heldForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
+/** How much of what a cell's pictures show is held. */
+export type ShareOf = (cell: Cell) => number;
+
+/**
+ * The form that is held and shows most of a cell farther away than near, if that is as much as pictures, held so far, do: its own, of which
+ * `pictures` tells the share, and those of cells above.
+ */
+export function heldForm(cell: Cell, view: FarView, pictures: number, shareOf: ShareOf | null = null): CellForm | null {
   const { eye, grid } = view;
   if (!mayBeGeometry(view)) return null;
   const reaches = isWithinReach(distanceTo(cell.bounds, eye), grid.leafSize);
   const held = formsOf(cell, grid.resolution).filter((form) => isHeld(form) && (form.own || (form.far && reaches)));
-  return bestOf(held, cell, view, pictures);
+  return unlessAboveShowsMore(bestOf(held, cell, view, pictures), cell, view, shareOf);
 }
 
 /** The same of the forms of a cell above the leaves alone: that by which it stands in. */
-export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellForm | null {
-  return mayBeGeometry(view) ? bestOf(ownForms(cell).filter(isHeld), cell, view, pictures) : null;
+export function heldOwnForm(cell: Cell, view: FarView, pictures: number, shareOf: ShareOf): CellForm | null {
+  if (!mayBeGeometry(view)) return null;
+  return unlessAboveShowsMore(bestOf(ownForms(cell).filter(isHeld), cell, view, pictures), cell, view, shareOf);
 }
 
 /**
@@ -46,8 +59,8 @@ export function heldOwnForm(cell: Cell, view: FarView, pictures: number): CellFo
 export function heldFormAbove(cell: Cell, view: FarView, directions: ReadonlyMap<number, Direction>): CellForm | null {
   if (!mayBeGeometry(view)) return null;
   for (let above = cell.parent; above; above = above.parent) {
-    const form = bestOf(ownForms(above).filter(isHeld), cell, view, 1, above);
-    if (form) return form;
+    const found = bestOf(ownForms(above).filter(isHeld), cell, view, 1, above);
+    if (found) return found.form;
     if (arePicturesHeld(above, view, directions)) return null;
   }
   return null;
@@ -74,7 +87,7 @@ function isHeld({ resources }: CellForm): boolean {
 }
 
 /** Of forms of a cell, or of one above it, that which shows most, the first of those that show as much, if it is at least as much as such a share of the pictures. */
-function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures: number, of = cell): CellForm | null {
+function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures: number, of = cell): Best | null {
   if (forms.length === 0) return null;
   const { eye, focal, grid } = view;
   const pitch = grid.leafSize / grid.resolution;
@@ -86,7 +99,19 @@ function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures:
     return isKnownBelow(of) ? (1 - of.listed) * shown + placed : shown;
   });
   const most = Math.max(...each);
-  return most >= pictures * shownByPictures(cell, pitch, width) ? forms[each.indexOf(most)]! : null;
+  return most >= pictures * shownByPictures(cell, pitch, width) ? { form: forms[each.indexOf(most)]!, shown: most } : null;
+}
+
+function unlessAboveShowsMore(best: Best | null, cell: Cell, { eye, focal, grid }: FarView, shareOf: ShareOf | null): CellForm | null {
+  if (!best || !shareOf) return best && best.form;
+  const pitch = grid.leafSize / grid.resolution;
+  const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
+  let shown = shownByPictures(cell, pitch, width);
+  for (let own = cell; own.parent; own = own.parent) {
+    shown *= 1 - lossFrom(own.loss, (pitch * 2 ** (own.level + 1)) / width);
+    if (shown > best.shown && shareOf(own.parent) * shown > best.shown) return null;
+  }
+  return best.form;
 }
 
 /**

@@ -105,6 +105,7 @@ class Planner {
   private readonly kept = new Set<Cell>();
   private readonly roles = new Map<Cell, Role>();
   private readonly looks = new Map<Cell, Look>();
+  private readonly shares = new Map<Cell, number>();
   private readonly boards = new Map<readonly ImpostorForm[], readonly HeldBoards[]>();
   private standIns = 0;
   /** Cells in which instances are drawn by themselves, and those above them. */
@@ -161,7 +162,7 @@ class Planner {
   /** Draws a cell from pictures for its `holes`, or one above as geometry of its own; returns where it is not whole. */
   private draw(cell: Cell, holes: Holes, behind: boolean): Holes {
     const { tiles, isWhole, isNew } = this.look(cell);
-    const form = this.roles.has(cell) ? null : heldOwnForm(cell, this.view, isWhole ? 1 : this.heldShare(cell));
+    const form = this.roles.has(cell) ? null : heldOwnForm(cell, this.view, this.shareOf(cell), this.shareOf);
     if (form) {
       this.standIns++;
       this.solids.push({ cell, form: form.leaves[0]!, holes: spread(holes, cell), behind });
@@ -171,7 +172,7 @@ class Planner {
     if (isNew) [cell.shown, cell.wasWhole] = [tiles, isWhole];
     if (!isWhole) this.parts++;
     if (this.roles.get(cell) !== "picture") this.standIns++;
-    this.pictures.push({ cell, tiles, holes, share: isWhole ? 1 : this.heldShare(cell), behind });
+    this.pictures.push({ cell, tiles, holes, share: this.shareOf(cell), behind });
     return isWhole ? COVERED : holes;
   }
 
@@ -191,9 +192,13 @@ class Planner {
   }
 
   /** How much of what a cell's tiles show is shown by those that are held. */
-  private heldShare(cell: Cell): number {
-    return heldShare(cell, this.view, this.directions);
-  }
+  private readonly shareOf = (cell: Cell): number => {
+    const known = this.shares.get(cell);
+    if (known !== undefined) return known;
+    const share = this.look(cell).isWhole ? 1 : heldShare(cell, this.view, this.directions);
+    this.shares.set(cell, share);
+    return share;
+  };
 
   private wanted(cell: Cell): readonly Resource[] {
     return tilesWanted(cell, this.directions, this.view.eye, this.view.choice);
@@ -214,7 +219,7 @@ class Planner {
   }
 
   private formAfar(cell: Cell): CellForm | null {
-    return heldForm(cell, this.view, this.look(cell).isWhole ? 1 : this.heldShare(cell));
+    return heldForm(cell, this.view, this.shareOf(cell), this.shareOf);
   }
 
   private drawGeometry(cell: Cell): boolean {
