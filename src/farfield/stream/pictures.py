@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bins
 from farfield.stream.accuracy import loss_from, picture_accuracy
-from farfield.stream.geometry import GeometryKind
+from farfield.stream.geometry import FINE, GeometryKind
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions, pixel_width
@@ -149,7 +149,8 @@ class Pictures:
         while len(cells):
             shows = tree.has_pictures[cells]
             sharp = np.minimum(SHARP * widths[objects] / tree.errors[cells, None], 1.0)
-            shown = np.where((objects < len(regions.cells))[:, None], found, found * sharp)
+            placed = sharp * ((1 - FINE) * found + FINE)
+            shown = np.where((objects < len(regions.cells))[:, None], found, placed)
             pairs.append((cells[shows], objects[shows], shown[shows]))
             has_above = tree.parents[cells] >= 0
             losses = tree.losses[cells[has_above], None]
