@@ -3,7 +3,7 @@ import { describe, expect, it } from "vitest";
 import { SharedMeshes, type Cell } from "../src/core/cell.js";
 import type { Level } from "../src/core/decode/levels.js";
 import type { DecodePool } from "../src/core/decode/pool.js";
-import { bestBoard, boardTransform, heldBoards, placedAlone, sightOf, squareness, type ImpostorForm } from "../src/core/impostors.js";
+import { bestShown, boardTransform, heldBoards, placedAlone, sightOf, squareness, type ImpostorForm } from "../src/core/impostors.js";
 import type { Impostor, InstancedMesh } from "../src/core/indextile.js";
 import { placedMesh, type Instance, type PlacedMesh } from "../src/core/instances.js";
 import { makePlan, samePlan, type Plan } from "../src/core/plan.js";
@@ -51,7 +51,7 @@ const squares = (placed: PlacedMesh, direction: Vector3, of: ImpostorForm = plac
 /** Number of the side that an eye in a direction sees of those that are held, head on or not. */
 function best(placed: PlacedMesh, direction: Vector3, least = 0): number {
   const sight = sightOf(placed, own(placed), eyeAt(placed, direction));
-  const board = bestBoard(heldBoards(placed.impostors), sight, 1, 1, least);
+  const board = bestShown(heldBoards(placed.impostors), sight, 1, 1, least)[0];
   return placed.impostors.flatMap(({ boards }) => boards).findIndex((one) => one === board);
 }
 
@@ -166,7 +166,7 @@ describe("boards", () => {
     hold([...fine.boards, ...coarse.boards].map(({ mesh }) => mesh));
     const at = (degrees: number, width: number): string => {
       const sight = sightOf(placed, own(placed), eyeAt(placed, around(degrees)));
-      const board = bestBoard(heldBoards(placed.impostors), sight, 1, width, 0)!;
+      const board = bestShown(heldBoards(placed.impostors), sight, 1, width, 0)[0]!;
       return board.mesh.key;
     };
     // Where a pixel is four times as wide as one of a leaf's pictures both are told to look the same.

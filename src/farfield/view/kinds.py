@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,8 @@ MORE = 0.25
 """Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has
 half as much on top (bake/instances.py): statues by levels of .28 look better so than in pictures of .07, woods on
 boards of .65 worse than in pictures of .14."""
+WHOLE = 1 - 1e-6
+"""Share of a cell's pictures from which on they are all there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,21 +134,29 @@ class Kinds:
         return float(np.average(shown, weights=sides)) if sides.sum() > 0 else 0.0
 
     def instances_of(
-        self, cell: CellKey, held: Collection[str], is_near: bool, leaves: Collection[CellKey] = ()
+        self,
+        cell: CellKey,
+        held: Collection[str],
+        is_near: bool,
+        leaves: Collection[CellKey] = (),
+        pictured: bool = False,
     ) -> list[PlacedInstance]:
         """The instances in a cell of which meshes or boards are held, each by what shows most: what is seen meanwhile.
 
-        leaves: that are drawn as geometry; what reaches into no other ones is left out.
+        leaves: that are drawn as geometry; what reaches into no other ones is left out. pictured: whether pictures of
+        the cell, or of those above it, are drawn as well; what shows less than they do is left out.
         """
         tree, number = self._tree, self._numbers.get(cell)
         if number is None:
             return []
         found = []
-        for row in tree.instances_below(number).tolist():
+        rows = tree.instances_below(number).tolist()
+        least = self._instances_pictured(number, held) - MORE if pictured and rows else 0.0
+        for row in rows:
             if leaves and self._is_within(tree.instances.bounds[row], leaves):
                 continue
-            instance, _ = self._drawn_by(number, row, held, is_near)
-            if instance is not None:
+            instance, shown = self._drawn_by(number, row, held, is_near)
+            if instance is not None and shown >= least:
                 found.append(instance)
         return found
 
@@ -230,12 +240,33 @@ class Kinds:
 
     def _pictures(self, number: int, width: NDArray[np.float64], held: Collection[str]) -> float:
         """Accuracy of what shows most of a cell: what is held of its pictures, or of those of a cell above it."""
+        return max(self._share(above, held) * shown for above, shown in self._by_pictures_above(number, width))
+
+    def _by_pictures_above(self, number: int, width: NDArray[np.float64]) -> Iterator[tuple[int, float]]:
+        """A cell, and then each one above it, and how well all its pictures show the first."""
         tree, shown = self._tree, self._by_pictures(number, width)
-        most = self._share(number, held) * shown
-        while (above := int(tree.parents[number])) != NONE:
+        while True:
+            yield number, shown
+            above = int(tree.parents[number])
+            if above == NONE:
+                return
             shown *= 1 - float(loss_from(tree.losses[number], tree.errors[above] / width))
-            most = max(most, self._share(above, held) * shown)
             number = above
+
+    def _instances_pictured(self, number: int, held: Collection[str]) -> float:
+        """How well instances in a cell are shown by the pictures that are drawn of it and of cells above.
+
+        As sharp as these are, up to where one is whole or merged geometry stands in.
+        """
+        tree, bounds, most = self._tree, self._tree.bounds[number], 0.0
+        width = pixel_width(bounds, self._away(bounds), self._focal)
+        for above, shown in self._by_pictures_above(number, width):
+            if above != number and self.stands_in(tree.entries[above].cell, held):
+                break
+            share = self._share(above, held)
+            most = max(most, share * shown * min(float(width / tree.errors[above]), 1.0))
+            if share >= WHOLE:
+                break
         return most
 
     def _share(self, number: int, held: Collection[str]) -> float:

@@ -173,7 +173,7 @@ class _Drawing:
             if len(held.places) < len(cell.places):
                 lacking.append((entry, held))
                 if not are_placed:
-                    self._place(entry, is_near=False)
+                    self._place(entry, is_near=False, pictured=True)
             if held.places or not cell.places:
                 wanted.append(held)
         boxes = np.array([one.box for one in self._instances]).reshape(-1, 6)
@@ -194,9 +194,9 @@ class _Drawing:
             return []
         return self._kinds.geometry_of(entry.cell, self._options.held)
 
-    def _place(self, entry: CellEntry, is_near: bool, leaves: Collection[CellKey] = ()) -> None:
+    def _place(self, entry: CellEntry, is_near: bool, leaves: Collection[CellKey] = (), pictured: bool = False) -> None:
         if self._kinds is not None and self._options.held is not None:
-            self._instances += self._kinds.instances_of(entry.cell, self._options.held, is_near, leaves)
+            self._instances += self._kinds.instances_of(entry.cell, self._options.held, is_near, leaves, pictured)
 
     def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[CellEntry]) -> None:
         """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry.
@@ -208,7 +208,7 @@ class _Drawing:
         without = [entry for entry in entries if not self._has_geometry(entry)]
         drawn = {e.cell for e in (*entries, *afar) if e.cell.level == 0 and self._has_geometry(e)}
         for entry in without:
-            self._place(entry, is_near=True)
+            self._place(entry, is_near=True, pictured=True)
         for entry in afar:
             if entry.cell.level > 0:
                 self._place(entry, is_near=False)

@@ -10,7 +10,7 @@ import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has half as much on top. */
-const MORE = 0.25;
+export const MORE = 0.25;
 
 interface Best {
   readonly form: CellForm;
@@ -102,16 +102,31 @@ function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures:
   return most >= pictures * shownByPictures(cell, pitch, width) ? { form: forms[each.indexOf(most)]!, shown: most } : null;
 }
 
-function unlessAboveShowsMore(best: Best | null, cell: Cell, { eye, focal, grid }: FarView, shareOf: ShareOf | null): CellForm | null {
+function unlessAboveShowsMore(best: Best | null, cell: Cell, view: FarView, shareOf: ShareOf | null): CellForm | null {
   if (!best || !shareOf) return best && best.form;
+  for (const { above, shown } of picturesOf(cell, view)) {
+    if (above !== cell && shown > best.shown && shareOf(above) * shown > best.shown) return null;
+  }
+  return best.form;
+}
+
+/** How well all pictures of a cell, and then of each one above it, show that cell: from link to link something is lost. */
+function* picturesOf(cell: Cell, { eye, focal, grid }: FarView): Iterable<{ above: Cell; shown: number; sharp: number }> {
   const pitch = grid.leafSize / grid.resolution;
   const width = pixelWidth(cell.bounds, distanceTo(cell.bounds, eye), focal);
   let shown = shownByPictures(cell, pitch, width);
-  for (let own = cell; own.parent; own = own.parent) {
-    shown *= 1 - lossFrom(own.loss, (pitch * 2 ** (own.level + 1)) / width);
-    if (shown > best.shown && shareOf(own.parent) * shown > best.shown) return null;
+  for (let above: Cell | null = cell; above; above = above.parent) {
+    const own = pitch * 2 ** above.level;
+    yield { above, shown, sharp: Math.min(width / own, 1) };
+    shown *= 1 - lossFrom(above.loss, (2 * own) / width);
   }
-  return best.form;
+}
+
+/** How well instances in a cell are shown by pictures that are drawn of it and of cells above, of which `shareOf` tells the share: as sharp as these are. */
+export function instancesPictured(cell: Cell, view: FarView, shareOf: ShareOf): number {
+  let most = 0;
+  for (const { above, shown, sharp } of picturesOf(cell, view)) most = Math.max(most, shareOf(above) * shown * sharp);
+  return most;
 }
 
 /**

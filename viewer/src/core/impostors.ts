@@ -107,14 +107,9 @@ export function squareness(board: Board, sight: Sight): number {
 }
 
 /**
- * The board by which most of an instance is seen, of those that show more of it than `least`; null: none does. pitch: metres between the
- * pixels of a leaf's pictures. width: metres that a pixel is wide there.
+ * The board by which most of an instance is seen, of those that show more of it than `least`, and how much that is; null, and `least`: none
+ * does. pitch: metres between the pixels of a leaf's pictures. width: metres that a pixel is wide there.
  */
-export function bestBoard(...of: Parameters<typeof bestShown>): Board | null {
-  return bestShown(...of)[0];
-}
-
-/** The same, and how much of the instance it shows; `least`, where none does. */
 export function bestShown(held: readonly HeldBoards[], sight: Sight, pitch: number, width: number, least: number): readonly [Board | null, number] {
   let [best, most]: [Board | null, number] = [null, least];
   for (const form of held) {

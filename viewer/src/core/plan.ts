@@ -2,10 +2,10 @@ import { isHeld, type Cell, type CellGeometry } from "./cell.js";
 import { boundsOfInstances, errorAt, finestAfar, meshesBelow, pixelWidth, type CellForm } from "./cellforms.js";
 import { cut, type Cut } from "./cut.js";
 import { seesBox, type Frustum } from "./frustum.js";
-import { heldForm, heldOwnForm, heldShare, type FarView } from "./heldform.js";
+import { heldForm, heldOwnForm, heldShare, instancesPictured, MORE, type FarView } from "./heldform.js";
 import { COVERED, HOLE, joinHoles, spread, type Holes } from "./holes.js";
 import type { CellKey } from "./grid.js";
-import { bestBoard, heldBoards, placedAlone, sightOf, type Board, type HeldBoards, type ImpostorForm } from "./impostors.js";
+import { bestShown, heldBoards, placedAlone, sightOf, type Board, type HeldBoards, type ImpostorForm } from "./impostors.js";
 import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
@@ -233,16 +233,19 @@ class Planner {
     const { frustum, near, farOnly, farGeometry } = this.view;
     if (near <= 0) return;
     const shown = this.shownByLeaves();
+    const drawn = new Set(this.pictures.map(({ cell }) => cell));
+    const shareOf = (cell: Cell): number => (drawn.has(cell) ? this.shareOf(cell) : 0);
     for (const cell of [...(farGeometry ? pictures : []), ...(farOnly ? [] : geometry)]) {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
       const before = this.instances.length;
+      const least = this.afar.has(cell) ? 0 : instancesPictured(cell, this.view, shareOf) - MORE;
       const finest = this.roles.get(cell) === "geometry" ? 0 : finestAfar(cell, this.view.grid.resolution);
       for (const [forms, all] of meshesBelow(cell)) {
         const form = finest === Infinity ? null : heldMesh(forms, finest);
         const boards = this.boardsBeside(form, all[0]!.impostors);
         if (!form && boards.length === 0) continue;
-        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards);
+        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards, least);
       }
       if (this.instances.length > before) for (let own: Cell | null = cell; own; own = own.parent) this.withInstances.add(own);
     }
@@ -262,25 +265,26 @@ class Planner {
     return found;
   }
 
-  /** Each by what shows most of it, a form before a board. */
-  private drawInstances(placed: PlacedMesh, form: MeshForm | null, held: readonly HeldBoards[]): void {
+  /** Each by what shows most of it, a form before a board; what shows less than `least` of it is not drawn. */
+  private drawInstances(placed: PlacedMesh, form: MeshForm | null, held: readonly HeldBoards[], least: number): void {
     const { instances } = placed;
-    const boards = held.length > 0 ? instances.map((instance) => this.boardFor(placed, instance, form, held)) : [];
-    if (form && !boards.some(Boolean)) {
+    const drawn = instances.map((instance) => this.shownBy(placed, instance, form, held, least));
+    if (form && drawn.every((shown) => shown === form)) {
       this.instances.push({ placed, form });
       return;
     }
-    boards.forEach((board, n) => {
-      const shown = board ?? form;
-      if (shown) this.instances.push({ placed: placedAlone(placed, instances[n]!, board), form: shown });
+    drawn.forEach((shown, n) => {
+      if (shown) this.instances.push({ placed: placedAlone(placed, instances[n]!, shown === form ? null : (shown as Board)), form: shown });
     });
   }
 
-  private boardFor(placed: PlacedMesh, instance: Instance, form: MeshForm | null, held: readonly HeldBoards[]): Board | null {
+  private shownBy(placed: PlacedMesh, instance: Instance, form: MeshForm | null, held: readonly HeldBoards[], least: number): MeshForm | Board | null {
     const { eye, focal } = this.view;
+    if (held.length === 0 && least <= 0) return form;
     const width = pixelWidth(instance.bounds, distanceTo(instance.bounds, eye), focal);
     const shown = form ? 1 - errorAt(form, this.pitch, width, MESH_FARTHEST) : 0;
-    return bestBoard(held, sightOf(placed, instance, eye), this.pitch, width, shown);
+    const [board, most] = held.length > 0 ? bestShown(held, sightOf(placed, instance, eye), this.pitch, width, shown) : [null, shown];
+    return most >= least ? (board ?? form) : null;
   }
 
   private get pitch(): number {
