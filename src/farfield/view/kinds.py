@@ -256,7 +256,8 @@ class Kinds:
     def _instances_pictured(self, number: int, held: Collection[str]) -> float:
         """How well instances in a cell are shown by the pictures that are drawn of it and of cells above.
 
-        As sharp as these are, up to where one is whole or merged geometry stands in.
+        As sharp as these are, up to where one is whole or merged geometry stands in; and by the square of what share
+        of them is held: through a wall that is missing one sees the backs of others.
         """
         tree, bounds, most = self._tree, self._tree.bounds[number], 0.0
         width = pixel_width(bounds, self._away(bounds), self._focal)
@@ -264,7 +265,7 @@ class Kinds:
             if above != number and self.stands_in(tree.entries[above].cell, held):
                 break
             share = self._share(above, held)
-            most = max(most, share * shown * min(float(width / tree.errors[above]), 1.0))
+            most = max(most, share**2 * shown * min(float(width / tree.errors[above]), 1.0))
             if share >= WHOLE:
                 break
         return most

@@ -122,10 +122,13 @@ function* picturesOf(cell: Cell, { eye, focal, grid }: FarView): Iterable<{ abov
   }
 }
 
-/** How well instances in a cell are shown by pictures that are drawn of it and of cells above, of which `shareOf` tells the share: as sharp as these are. */
+/**
+ * How well instances in a cell are shown by pictures that are drawn of it and of cells above, of which `shareOf` tells the share: as sharp
+ * as these are, and by the square of the share, as through a wall that is missing one sees the backs of others.
+ */
 export function instancesPictured(cell: Cell, view: FarView, shareOf: ShareOf): number {
   let most = 0;
-  for (const { above, shown, sharp } of picturesOf(cell, view)) most = Math.max(most, shareOf(above) * shown * sharp);
+  for (const { above, shown, sharp } of picturesOf(cell, view)) most = Math.max(most, shareOf(above) ** 2 * shown * sharp);
   return most;
 }
 
