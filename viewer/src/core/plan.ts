@@ -10,7 +10,7 @@ import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
-import { distanceTo } from "./vector.js";
+import { distanceTo, farthestIn } from "./vector.js";
 import { tilesWanted } from "./views.js";
 
 /** Where the eye is and what it asks for. */
@@ -230,12 +230,12 @@ class Planner {
 
   /** Draws what is placed in cells of the cut that are not there, as far as it is held. It may reach into the picture from beside it. */
   private placeInstances({ pictures, geometry }: Cut<Cell>): void {
-    const { frustum, near, farOnly, farGeometry } = this.view;
+    const { eye, frustum, near, farOnly, farGeometry } = this.view;
     if (near <= 0) return;
     const shown = this.shownByLeaves();
     const drawn = new Set(this.pictures.map(({ cell }) => cell));
     const shareOf = (cell: Cell): number => (drawn.has(cell) ? this.shareOf(cell) : 0);
-    for (const cell of [...(farGeometry ? pictures : []), ...(farOnly ? [] : geometry)]) {
+    for (const cell of [...(farGeometry ? pictures : []), ...geometry]) {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
       const before = this.instances.length;
@@ -245,7 +245,10 @@ class Planner {
         const form = finest === Infinity ? null : heldMesh(forms, finest);
         const boards = this.boardsBeside(form, all[0]!.impostors);
         if (!form && boards.length === 0) continue;
-        for (const placed of all) if (!shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards, least);
+        for (const placed of all) {
+          const isLeftOut = farOnly && this.roles.get(cell) === "left out" && farthestIn(placed.bounds, eye) < near;
+          if (!isLeftOut && !shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards, least);
+        }
       }
       if (this.instances.length > before) for (let own: Cell | null = cell; own; own = own.parent) this.withInstances.add(own);
     }

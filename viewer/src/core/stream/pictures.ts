@@ -3,7 +3,7 @@ import { accuracyOf, finestAfar, formsOf, instancesBelow, isWithinReach, ownForm
 import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
-import { distanceTo, type Box, type Vector3 } from "../vector.js";
+import { distanceTo, farthestIn, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { lossFrom, pictureAccuracy } from "./accuracy.js";
 import { FINE, MeshParts, sideOf, type MeshPart, type PlacedRow, type Seen } from "./meshes.js";
@@ -138,10 +138,12 @@ export class Pictures implements Offering<Part> {
   private instances(eye: Vector3): Placed[] {
     const { near, farOnly, farGeometry } = this.view();
     if (near <= 0) return [];
-    const isLeftOut = (cell: Cell): boolean => farOnly && cell.level === 0 && distanceTo(cell.bounds, eye) < near;
     return this.cells.flatMap((cell, home) => {
-      const below = (farGeometry || cell.level === 0) && !isLeftOut(cell) ? instancesBelow(cell) : [];
-      return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })));
+      const below = farGeometry || cell.level === 0 ? instancesBelow(cell) : [];
+      const isLeftOut = farOnly && cell.level === 0 && distanceTo(cell.bounds, eye) < near;
+      return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })))
+        // What reaches out of leaves that are left out is seen there.
+        .filter(({ bounds }) => !isLeftOut || farthestIn(bounds, eye) > near);
     });
   }
 
