@@ -19,8 +19,9 @@ from farfield.stream.tree import CellValues
 Floats = NDArray[np.float64]
 SHARP = 1.0
 """Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is. In a coarser
-one they are seen the less, in proportion (BEN 4.1): what is lost of a cell by it (CellEntry.losses) is mostly that of
-the ground around them. With 2 the thesis' quality in the garden at 20 kB/s is .86 instead of .90."""
+one they are seen the less, in proportion (BEN 4.1), and the rest counts half, as of meshes and boards (FINE): what is
+lost of a cell by it (CellEntry.losses) is mostly that of the ground around them. With 2 the thesis' quality in the
+garden at 20 kB/s is .86 instead of .90."""
 
 
 @dataclass(frozen=True, slots=True)

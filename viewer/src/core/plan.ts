@@ -235,7 +235,7 @@ class Planner {
     const shown = this.shownByLeaves();
     const drawn = new Set(this.pictures.map(({ cell }) => cell));
     const shareOf = (cell: Cell): number => (drawn.has(cell) ? this.shareOf(cell) : 0);
-    for (const cell of [...(farGeometry ? pictures : []), ...geometry]) {
+    for (const cell of [...(farGeometry ? pictures : []), ...(farGeometry || !farOnly ? geometry : [])]) {
       const bounds = boundsOfInstances(cell);
       if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
       const before = this.instances.length;

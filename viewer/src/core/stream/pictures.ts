@@ -139,7 +139,7 @@ export class Pictures implements Offering<Part> {
     const { near, farOnly, farGeometry } = this.view();
     if (near <= 0) return [];
     return this.cells.flatMap((cell, home) => {
-      const below = farGeometry || cell.level === 0 ? instancesBelow(cell) : [];
+      const below = farGeometry || (cell.level === 0 && !farOnly) ? instancesBelow(cell) : [];
       const isLeftOut = farOnly && cell.level === 0 && distanceTo(cell.bounds, eye) < near;
       return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })))
         // What reaches out of leaves that are left out is seen there.
