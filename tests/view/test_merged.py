@@ -142,6 +142,22 @@ def test_pictures_that_show_houses_much_better_stay(world: World, monkeypatch: p
         assert drawn(world, held, FAR).statistics.cells == cells
 
 
+def test_instances_give_way_to_pictures_that_show_more_of_them(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = next(entry.cell for entry in world.cells() if entry.instances)
+    seen = kinds.Kinds(world, np.array([-20.0, -45.0, 4.0]), 800.0, 10.0)
+    meshes, pictures = keys(world, "mesh/"), sorted(keys(world, f"orthoview/{cell}/"))
+
+    def placed(held: set[str], pictured: bool = True) -> bool:
+        return bool(seen.instances_of(cell, held, is_near=False, pictured=pictured))
+
+    assert placed(meshes | set(pictures))
+    monkeypatch.setattr(kinds, "MORE", -0.9)
+    assert placed(meshes)
+    assert not placed(meshes | set(pictures))
+    assert placed(meshes | set(pictures[:1]))
+    assert placed(meshes | set(pictures), pictured=False)
+
+
 def test_pictures_show_no_more_from_farther(world: World) -> None:
     """Than where their pixels are as wide as the screen's; those of leaves as they are told."""
     tree, seen = CellTree.of(world), kinds.Kinds(world, np.zeros(3), 100.0, 10.0)

@@ -201,6 +201,25 @@ describe("makePlan", () => {
     expect(new Set(corners)).toEqual(new Set([0, 1]));
   });
 
+  it("draws none that shows less than pictures that are there in part, or those of cells above", () => {
+    const [full, coarse] = STATUE.levels as [InstancedMesh["levels"][number], InstancedMesh["levels"][number]];
+    // One of two tiles shows nine tenths.
+    const picks: number[][] = new Array<number[]>(26).fill([0, 32, 1, 13]);
+    const fine = { picks };
+    const poor = { picks, instances: [{ ...STATUE, levels: [full, { ...coarse, errors: [240, 240, 240] }] }] };
+    const of = (changes: Partial<CellEntry>, held: (world: ReturnType<typeof statues>) => Resource[]): boolean => {
+      const world = statues(changes);
+      hold([world.coarse, ...held(world)]);
+      return drawn(plan(world.root)).includes("1,0,0 1");
+    };
+    const parts = (count: number) => ({ cells }: ReturnType<typeof statues>): Resource[] => tilesOf(cells.get("0/1/0/0")!).slice(0, count);
+    expect([0, 1].map((count) => of(poor, parts(count)))).toEqual([true, false]);
+    expect([0, 1].map((count) => of(fine, parts(count)))).toEqual([true, true]);
+    // Those of a cell above are not as sharp.
+    expect(of(poor, ({ root }) => tilesOf(root.children![0]!))).toBe(false);
+    expect(of(poor, ({ root }) => tilesOf(root))).toBe(true);
+  });
+
   it("draws those of a near leaf until its geometry is there, whatever stands in for it", () => {
     const { root, cells, coarse } = statues();
     const near = { near: 0.1, eye: [2.5, 2.5, 0.5] as Vector3, farGeometry: false };
