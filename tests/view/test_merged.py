@@ -144,7 +144,7 @@ def test_pictures_that_show_houses_much_better_stay(world: World, monkeypatch: p
 
 def test_instances_give_way_to_pictures_that_show_more_of_them(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     cell = next(entry.cell for entry in world.cells() if entry.instances)
-    seen = kinds.Kinds(world, np.array([-20.0, -45.0, 4.0]), 800.0, 10.0)
+    seen = kinds.Kinds(world, np.array([-20.0, -45.0, 4.0]), 100.0, 10.0)
     meshes, pictures = keys(world, "mesh/"), sorted(keys(world, f"orthoview/{cell}/"))
 
     def placed(held: set[str], pictured: bool = True) -> bool:
