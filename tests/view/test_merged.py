@@ -151,7 +151,8 @@ def test_instances_give_way_to_pictures_that_show_more_of_them(world: World, mon
         return bool(seen.instances_of(cell, held, is_near=False, pictured=pictured))
 
     assert placed(meshes | set(pictures))
-    monkeypatch.setattr(kinds, "MORE", -0.5)
+    # Pictures show .47 of them, some of these .18; meshes all of it.
+    monkeypatch.setattr(kinds, "MORE", -0.7)
     assert placed(meshes)
     assert not placed(meshes | set(pictures))
     assert placed(meshes | set(pictures[:1]))

@@ -187,6 +187,16 @@ describe("makePlan", () => {
     expect(drawn(plan(root, { farOnly: true }))).toEqual(drawn(plan(root)));
   });
 
+  it("draws what reaches out of leaves that are left out, whatever there is of these", () => {
+    const transforms = [[1, 0, 0, 0.95, 0, 1, 0, 0.5, 0, 0, 1, 0]];
+    const { root, cells, coarse } = statues({ instances: [{ ...STATUE, transforms }] });
+    const near = { near: 1.1, eye: [0.2, -0.9, 0.5] as Vector3, farOnly: true };
+    hold([coarse, ...tilesOf(cells.get("0/0/0/0")!)]);
+    expect(drawn(plan(root, near))).toContain("0,0,0 1");
+    expect(drawn(plan(root, { ...near, near: 2 }))).not.toContain("0,0,0 1");
+    expect(drawn(plan(root, { ...near, farGeometry: false }))).toEqual([]);
+  });
+
   it("draws none of cells that are there: by pictures, as geometry, or by what is finer", () => {
     const { root, cells, coarse } = statues();
     hold([coarse]);

@@ -311,7 +311,7 @@ class Planner {
    */
   private isThere(cell: Cell): boolean {
     if (this.roles.get(cell) === "geometry") return !seesBox(this.view.frustum, cell.reach) && cell.forms.some(isHeld);
-    if (this.afar.has(cell)) return false;
+    if (this.afar.has(cell) || this.roles.get(cell) === "left out") return false;
     if (this.kept.has(cell) || this.look(cell).isWhole) return true;
     return !seesBox(this.view.frustum, cell.reach) && this.formAfar(cell)?.own === false;
   }
