@@ -155,10 +155,25 @@ class Kinds:
         for row in rows:
             if leaves and self._is_within(tree.instances.bounds[row], leaves):
                 continue
-            instance, shown = self._drawn_by(number, row, held, is_near)
-            if instance is not None and shown >= least:
+            mesh, most = self._mesh_of(number, row, held, is_near)
+            if mesh is None or self._shown_together(row, mesh.key) < least:
+                mesh, most = None, 0.0
+            board, _ = self._board_of(row, held, max(most, least))
+            instance = board or mesh
+            if instance is not None:
                 found.append(instance)
         return found
+
+    def _shown_together(self, row: int, key: str) -> float:
+        """How much a level shows of an instance, where all of its mesh in the same leaf are nearest."""
+        listed = self._tree.instances
+        mesh, leaf = int(listed.mesh[row]), int(listed.leaf[row])
+        first, last = np.searchsorted(listed.leaf, [leaf, leaf + 1])
+        own = listed.bounds[first:last][listed.mesh[first:last] == mesh]
+        box = np.concatenate([own[:, :3].min(axis=0), own[:, 3:].max(axis=0)])
+        forms = listed.forms[mesh]
+        errors = next(e for value, e in zip(forms.values, forms.errors, strict=True) if value.keys[-1] == key)
+        return self._shown(errors, pixel_width(box, self._away(box), self._focal), MESH_FARTHEST)
 
     def _drawn_by(
         self, cell: int, row: int, held: Collection[str], is_near: bool

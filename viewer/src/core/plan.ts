@@ -10,7 +10,7 @@ import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
-import { distanceTo, farthestIn } from "./vector.js";
+import { distanceTo, farthestIn, type Box } from "./vector.js";
 import { tilesWanted } from "./views.js";
 
 /** Where the eye is and what it asks for. */
@@ -268,26 +268,31 @@ class Planner {
     return found;
   }
 
-  /** Each by what shows most of it, a form before a board; what shows less than `least` of it is not drawn. */
-  private drawInstances(placed: PlacedMesh, form: MeshForm | null, held: readonly HeldBoards[], least: number): void {
+  /** Each by what shows most of it, a form before a board; what shows less than `least` is not drawn, a form of those of a leaf together. */
+  private drawInstances(placed: PlacedMesh, held: MeshForm | null, boards: readonly HeldBoards[], least: number): void {
     const { instances } = placed;
-    const drawn = instances.map((instance) => this.shownBy(placed, instance, form, held, least));
-    if (form && drawn.every((shown) => shown === form)) {
+    const form = held && (least <= 0 || this.shownOf(held, placed.bounds) >= least) ? held : null;
+    const found = boards.length > 0 ? instances.map((instance) => this.boardFor(placed, instance, form, boards, least)) : [];
+    if (form && !found.some(Boolean)) {
       this.instances.push({ placed, form });
       return;
     }
-    drawn.forEach((shown, n) => {
-      if (shown) this.instances.push({ placed: placedAlone(placed, instances[n]!, shown === form ? null : (shown as Board)), form: shown });
+    found.forEach((board, n) => {
+      const shown = board ?? form;
+      if (shown) this.instances.push({ placed: placedAlone(placed, instances[n]!, board), form: shown });
     });
   }
 
-  private shownBy(placed: PlacedMesh, instance: Instance, form: MeshForm | null, held: readonly HeldBoards[], least: number): MeshForm | Board | null {
+  private boardFor(placed: PlacedMesh, instance: Instance, form: MeshForm | null, boards: readonly HeldBoards[], least: number): Board | null {
     const { eye, focal } = this.view;
-    if (held.length === 0 && least <= 0) return form;
     const width = pixelWidth(instance.bounds, distanceTo(instance.bounds, eye), focal);
-    const shown = form ? 1 - errorAt(form, this.pitch, width, MESH_FARTHEST) : 0;
-    const [board, most] = held.length > 0 ? bestShown(held, sightOf(placed, instance, eye), this.pitch, width, shown) : [null, shown];
-    return most >= least ? (board ?? form) : null;
+    const shown = form ? this.shownOf(form, instance.bounds) : 0;
+    return bestShown(boards, sightOf(placed, instance, eye), this.pitch, width, Math.max(shown, least))[0];
+  }
+
+  private shownOf(form: MeshForm, bounds: Box): number {
+    const { eye, focal } = this.view;
+    return 1 - errorAt(form, this.pitch, pixelWidth(bounds, distanceTo(bounds, eye), focal), MESH_FARTHEST);
   }
 
   private get pitch(): number {
