@@ -20,11 +20,13 @@ from bench_mesh_levels import SKY, summary
 from farfield.quality.metrics import over_sky
 from farfield.quality.pictures import read_picture
 
-MARKS = {"farfield": "s-", "tiles": "o--", "tiles, instanced": "^:"}
+MARKS = {"farfield": "s-", "farfield, pictures": ".-", "tiles": "o--", "tiles, instanced": "^:"}
+WIDTHS = {"farfield": 2.2}
+"""Of lines, points."""
 
 
 def table(found: dict[str, Any]) -> str:
-    """Markdown: a line for each scene, level and viewer; PSNR / FLIP after each limit; the best PSNR is bold."""
+    """Markdown: a line for each scene, level and viewer; PSNR / FLIP after each limit; the best of each is bold."""
     limits = sorted(
         {limit for levels in found.values() for v in levels.values() for r in v.values() for limit in r}, key=int
     )
@@ -56,7 +58,9 @@ def plot(found: dict[str, Any], file: Path) -> None:
             axes = panels[row][column]
             for viewer, limits in own.get(level, {}).items():
                 points = [(int(limit) / 1e6, figures["psnr_covered"]) for limit, figures in limits.items()]
-                axes.plot(*zip(*points, strict=True), MARKS[viewer], label=viewer, markersize=4)
+                axes.plot(
+                    *zip(*points, strict=True), MARKS[viewer], label=viewer, markersize=4, lw=WIDTHS.get(viewer, 1.0)
+                )
             axes.set(xscale="log", title=f"{scene}, from {level}")
             axes.set_xticks([0.5, 2, 8, 32], ["0.5", "2", "8", "32"])
             axes.grid(alpha=0.3)
@@ -79,9 +83,13 @@ def side_by_side(files: Sequence[Path], target: Path, size: tuple[int, int] = (4
 def _cell(row: dict[str, float] | None, beside: Sequence[dict[str, float] | None]) -> str:
     if row is None:
         return ""
-    best = max(other["psnr_covered"] for other in beside if other is not None)
-    text = f"{row['psnr_covered']:.1f} / {row['flip_covered']:.3f}"
-    return f"**{text}**" if row["psnr_covered"] >= best else text
+    others = [other for other in beside if other is not None]
+    psnr, flip = f"{row['psnr_covered']:.1f}", f"{row['flip_covered']:.3f}"
+    is_best = (
+        psnr == f"{max(other['psnr_covered'] for other in others):.1f}",
+        flip == f"{min(other['flip_covered'] for other in others):.3f}",
+    )
+    return " / ".join(f"**{text}**" if best else text for text, best in zip((psnr, flip), is_best, strict=True))
 
 
 def main() -> None:
