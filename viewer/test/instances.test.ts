@@ -2,10 +2,10 @@ import { describe, expect, it } from "vitest";
 import { Cell, SharedMeshes } from "../src/core/cell.js";
 import { boundsOfInstances, errorAt, finestAfar, instancesBelow, meshesBelow } from "../src/core/cellforms.js";
 import { MESH_FARTHEST, type CellEntry, type InstancedMesh } from "../src/core/indextile.js";
-import { comingMeshes, heldMesh, meshForm, placedMesh, type MeshForm } from "../src/core/instances.js";
+import { comingMeshes, heldMesh, meshForm, outsideOf, placedMesh, type MeshForm } from "../src/core/instances.js";
 import { makePlan, samePlan, type Plan } from "../src/core/plan.js";
 import { Resource } from "../src/core/resource.js";
-import type { Vector3 } from "../src/core/vector.js";
+import type { Box, Vector3 } from "../src/core/vector.js";
 import { listWants, URGENCY } from "../src/core/wants.js";
 import { DIRECTIONS, GRID, hold, makeWorld, MANIFEST, tilesOf, view } from "./worlds.js";
 
@@ -275,5 +275,16 @@ describe("listWants", () => {
     expect(wanted(root, near).get(full)).toBe(URGENCY.seen);
     hold([cells.get("0/2/2/0")!.geometry!.leaf]);
     expect(wanted(root, near).has(full)).toBe(false);
+  });
+});
+
+describe("outsideOf", () => {
+  const box = { lower: [0.5, 0.5, 0], upper: [1.5, 1.25, 2] } as Box;
+  it("is the box around what reaches out of leaves that are left out", () => {
+    expect(outsideOf(box, [10, 10, 10], 1, () => false)).toEqual(box);
+    expect(outsideOf(box, [10, 10, 10], 1, () => true)).toBeNull();
+    expect(outsideOf(box, [10, 10, 10], 1, ({ lower }) => lower[0] < 1)).toEqual({ lower: [1, 0.5, 0], upper: [1.5, 1.25, 2] });
+    expect(outsideOf(box, [0, 0, 0], 1, ({ upper }) => upper[1] < 2)).toEqual({ lower: [0.5, 1, 0], upper: [1.5, 1.25, 2] });
+    expect(outsideOf({ lower: [1, 1, 1], upper: [1, 1, 1] }, [0, 0, 0], 1, ({ lower }) => lower[0] < 1)).toEqual({ lower: [1, 1, 1], upper: [1, 1, 1] });
   });
 });

@@ -75,6 +75,24 @@ export function comingMeshes(forms: readonly MeshForm[]): readonly MeshForm[] {
   return coming;
 }
 
+/** The box around what of a box lies in leaves that are not left out; null: nothing does. corner: of one leaf. */
+export function outsideOf({ lower, upper }: Box, corner: Vector3, leafSize: number, isLeftOut: (leaf: Box) => boolean): Box | null {
+  const along = (axis: 0 | 1 | 2): number[] => {
+    const first = Math.floor((lower[axis] - corner[axis]) / leafSize);
+    const count = Math.max(Math.ceil((upper[axis] - corner[axis]) / leafSize) - first, 1);
+    return Array.from({ length: count }, (_, n) => corner[axis] + (first + n) * leafSize);
+  };
+  const leaves = along(0).flatMap((x) => along(1).flatMap((y) => along(2).map((z): Box => ({ lower: [x, y, z], upper: [x + leafSize, y + leafSize, z + leafSize] }))));
+  const parts = leaves.filter((leaf) => !isLeftOut(leaf)).map((leaf) => common(leaf, { lower, upper }));
+  return parts.length > 0 ? around(parts) : null;
+}
+
+/** What two boxes share. */
+function common(a: Box, b: Box): Box {
+  const [x, y, z] = [0, 1, 2].map((n) => [Math.max(a.lower[n]!, b.lower[n]!), Math.min(a.upper[n]!, b.upper[n]!)]) as [[number, number], [number, number], [number, number]];
+  return { lower: [x[0], y[0], z[0]], upper: [x[1], y[1], z[1]] };
+}
+
 /** The smallest box around some, of which there is at least one. */
 export function around(boxes: readonly Box[]): Box {
   const side = (of: "lower" | "upper", pick: (...values: number[]) => number): Vector3 => {

@@ -1,9 +1,9 @@
 import type { Cell } from "../cell.js";
 import { accuracyOf, finestAfar, formsOf, instancesBelow, isWithinReach, ownForms, pixelWidth, unreadBelow, type CellForm } from "../cellforms.js";
-import type { Instance, MeshForm, PlacedMesh } from "../instances.js";
+import { outsideOf, type Instance, type MeshForm, type PlacedMesh } from "../instances.js";
 import type { Direction } from "../manifest.js";
 import type { Resource } from "../resource.js";
-import { distanceTo, farthestIn, type Box, type Vector3 } from "../vector.js";
+import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { lossFrom, pictureAccuracy } from "./accuracy.js";
 import { FINE, MeshParts, sideOf, type MeshPart, type PlacedRow, type Seen } from "./meshes.js";
@@ -136,14 +136,16 @@ export class Pictures implements Offering<Part> {
   }
 
   private instances(eye: Vector3): Placed[] {
-    const { near, farOnly, farGeometry } = this.view();
+    const { near, farOnly, farGeometry, grid } = this.view();
     if (near <= 0) return [];
     return this.cells.flatMap((cell, home) => {
       const below = farGeometry || (cell.level === 0 && !farOnly) ? instancesBelow(cell) : [];
       const isLeftOut = farOnly && cell.level === 0 && distanceTo(cell.bounds, eye) < near;
-      return below.flatMap((of) => of.instances.map((instance) => ({ home, of, instance, bounds: instance.bounds })))
+      return below.flatMap((of) => of.instances.flatMap((instance) => {
         // What reaches out of leaves that are left out is seen there.
-        .filter(({ bounds }) => !isLeftOut || farthestIn(bounds, eye) > near);
+        const bounds = isLeftOut ? outsideOf(instance.bounds, of.corner, grid.leafSize, (leaf) => distanceTo(leaf, eye) < near) : instance.bounds;
+        return bounds ? [{ home, of, instance, bounds }] : [];
+      }));
     });
   }
 
