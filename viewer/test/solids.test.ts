@@ -170,6 +170,18 @@ describe("geometry of cells above the leaves", () => {
     expect(found.instances).toHaveLength(1);
   });
 
+  it("is drawn with what reaches into it from cells that are there by pictures", () => {
+    const reaching = ({ level, x, y, z }: CellKey): Partial<CellEntry> => withStatue({ level, x, y, z }, [{ ...STATUE, transforms: [[1, 0, 0, 0.2, 0, 1, 0, 0.2, 0, 0, 1, 0]] }]);
+    const { root, cell, leafOf } = makeSolidWorld(reaching);
+    hold([cell("0/0/0/0").instances[0]!.forms[1]!.mesh, ...tilesOf(cell("1/0/0/0"))]);
+    expect(plan(root).instances).toEqual([]);
+    hold([leafOf("1/1/0/0")]);
+    const found = plan(root);
+    expect(solids(found)).toEqual(["1/1/0/0 0"]);
+    expect(drawn(found)).toEqual(["1/0/0/0"]);
+    expect(found.instances).toHaveLength(1);
+  });
+
   it("keeps instances in front where finer cells than those of the cut are drawn so", () => {
     const { root, cell, leafOf } = makeSolidWorld(withStatue);
     hold([cell("0/0/0/0").instances[0]!.forms[1]!.mesh]);

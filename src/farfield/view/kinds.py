@@ -140,11 +140,13 @@ class Kinds:
         is_near: bool,
         leaves: Collection[CellKey] = (),
         pictured: bool = False,
+        into: NDArray[np.float64] | None = None,
     ) -> list[PlacedInstance]:
         """The instances in a cell of which meshes or boards are held, each by what shows most: what is seen meanwhile.
 
         leaves: that are drawn as geometry; what reaches into no other ones is left out. pictured: whether pictures of
-        the cell, or of those above it, are drawn as well; what shows less than they do is left out.
+        the cell, or of those above it, are drawn as well; what shows less than they do is left out. into: (n, 6) boxes
+        of which one at least is reached by what is given; None: it does not matter.
         """
         tree, number = self._tree, self._numbers.get(cell)
         if number is None:
@@ -153,7 +155,10 @@ class Kinds:
         rows = tree.instances_below(number).tolist()
         least = self._instances_pictured(number, held) - MORE if pictured and rows else 0.0
         for row in rows:
-            if leaves and self._is_within(tree.instances.bounds[row], leaves):
+            box = tree.instances.bounds[row]
+            if leaves and self._is_within(box, leaves):
+                continue
+            if into is not None and not ((box[:3] < into[:, 3:]) & (into[:, :3] < box[3:])).all(axis=1).any():
                 continue
             mesh, most = self._mesh_of(number, row, held, is_near)
             if mesh is None or self._shown_together(row, mesh.key) < least:

@@ -163,7 +163,7 @@ class _Drawing:
 
         are_placed: whether the instances in them are drawn already.
         """
-        wanted, lacking, geometry = [], [], []
+        wanted, there, lacking, geometry = [], [], [], []
         for entry in self._seen(keys):
             if shown_by := self._geometry_of(entry):
                 geometry += shown_by
@@ -174,8 +174,11 @@ class _Drawing:
                 lacking.append((entry, held))
                 if not are_placed:
                     self._place(entry, is_near=False, pictured=True)
+            else:
+                there.append(entry)
             if held.places or not cell.places:
                 wanted.append(held)
+        self._place_beside_merged(there, geometry)
         boxes = np.array([one.box for one in self._instances]).reshape(-1, 6)
         for entry, held in lacking:
             lower, upper = entry.bounds
@@ -194,9 +197,24 @@ class _Drawing:
             return []
         return self._kinds.geometry_of(entry.cell, self._options.held)
 
-    def _place(self, entry: CellEntry, is_near: bool, leaves: Collection[CellKey] = (), pictured: bool = False) -> None:
+    def _place(
+        self,
+        entry: CellEntry,
+        is_near: bool,
+        leaves: Collection[CellKey] = (),
+        pictured: bool = False,
+        into: NDArray[np.float64] | None = None,
+    ) -> None:
         if self._kinds is not None and self._options.held is not None:
-            self._instances += self._kinds.instances_of(entry.cell, self._options.held, is_near, leaves, pictured)
+            held = self._options.held
+            self._instances += self._kinds.instances_of(entry.cell, held, is_near, leaves, pictured, into)
+
+    def _place_beside_merged(self, there: Iterable[CellEntry], geometry: Iterable[CellEntry]) -> None:
+        """Places what stands in cells that are there and reaches into merged geometry, which does not show it."""
+        merged = [self._world.grid.bounds(entry.cell).ravel() for entry in geometry if entry.cell.level > 0]
+        if merged:
+            for entry in there:
+                self._place(entry, is_near=False, into=np.array(merged))
 
     def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[CellEntry]) -> None:
         """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry.

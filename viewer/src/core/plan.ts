@@ -237,7 +237,9 @@ class Planner {
     const shareOf = (cell: Cell): number => (drawn.has(cell) ? this.shareOf(cell) : 0);
     for (const cell of [...(farGeometry ? pictures : []), ...(farGeometry || !farOnly ? geometry : [])]) {
       const bounds = boundsOfInstances(cell);
-      if (!bounds || !seesBox(frustum, bounds) || this.isThere(cell)) continue;
+      if (!bounds || !seesBox(frustum, bounds)) continue;
+      const isThere = this.isThere(cell);
+      if (isThere && this.solids.length === 0) continue;
       const before = this.instances.length;
       const least = this.afar.has(cell) ? 0 : instancesPictured(cell, this.view, shareOf) - MORE;
       const finest = this.roles.get(cell) === "geometry" ? 0 : finestAfar(cell, this.view.grid.resolution);
@@ -247,11 +249,17 @@ class Planner {
         if (!form && boards.length === 0) continue;
         for (const placed of all) {
           const isLeftOut = farOnly && this.roles.get(cell) === "left out" && farthestIn(placed.bounds, eye) < near;
-          if (!isLeftOut && !shown.has(placed) && seesBox(frustum, placed.bounds)) this.drawInstances(placed, form, boards, least);
+          if (isLeftOut || shown.has(placed) || !seesBox(frustum, placed.bounds) || (isThere && !this.lacksPart(placed, cell))) continue;
+          this.drawInstances(placed, form, boards, isThere ? 0 : least);
         }
       }
       if (this.instances.length > before) for (let own: Cell | null = cell; own; own = own.parent) this.withInstances.add(own);
     }
+  }
+
+  /** Whether what is placed in a cell that is there reaches into others that are drawn by geometry of their own, which does not show it. */
+  private lacksPart({ bounds }: PlacedMesh, home: Cell): boolean {
+    return this.solids.some(({ cell }) => cell !== home && overlap(bounds, cell.box));
   }
 
   /** Pictures that stand in for a cell with instances that are drawn by themselves show them, too, coarser: they go behind them. */
@@ -320,6 +328,10 @@ class Planner {
     if (this.kept.has(cell) || this.look(cell).isWhole) return true;
     return !seesBox(this.view.frustum, cell.reach) && this.formAfar(cell)?.own === false;
   }
+}
+
+function overlap(a: Box, b: Box): boolean {
+  return [0, 1, 2].every((n) => a.lower[n]! < b.upper[n]! && b.lower[n]! < a.upper[n]!);
 }
 
 /** Whether all leaves that something placed in one of them reaches into are among those named. */
