@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bins
 from farfield.stream.accuracy import loss_from, picture_accuracy
-from farfield.stream.geometry import FINE, GeometryKind
+from farfield.stream.geometry import GeometryKind
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions, pixel_width
@@ -19,9 +19,10 @@ from farfield.stream.tree import CellValues
 Floats = NDArray[np.float64]
 SHARP = 1.0
 """Pixels of the screen for one of a picture, up to which instances are seen in it as well as all else is. In a coarser
-one they are seen the less, in proportion (BEN 4.1), and the rest counts half, as of meshes and boards (FINE): what is
-lost of a cell by it (CellEntry.losses) is mostly that of the ground around them. With 2 the thesis' quality in the
-garden at 20 kB/s is .86 instead of .90."""
+one they are seen the less, in proportion (BEN 4.1): what is lost of a cell by it (CellEntry.losses) is mostly that of
+the ground around them. With 2 the thesis' quality in the garden at 20 kB/s is .86 instead of .90. Were the error that
+is told of pictures to count half, as that of meshes and boards does, a forest from 16 r would be at 21.6 dB after 8 MB
+instead of 24.2, and a city of unique facades from r at 24.8 after 2 MB instead of 21.6."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +151,7 @@ class Pictures:
         while len(cells):
             shows = tree.has_pictures[cells]
             sharp = np.minimum(SHARP * widths[objects] / tree.errors[cells, None], 1.0)
-            placed = sharp * ((1 - FINE) * found + FINE)
-            shown = np.where((objects < len(regions.cells))[:, None], found, placed)
+            shown = np.where((objects < len(regions.cells))[:, None], found, found * sharp)
             pairs.append((cells[shows], objects[shows], shown[shows]))
             has_above = tree.parents[cells] >= 0
             losses = tree.losses[cells[has_above], None]

@@ -9,7 +9,7 @@ import type { Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
 
 /** How much of the accuracy of a mesh's level is that of the thesis, by the size of its faces, or of an image's, by its pixels. */
-export const FINE = 0.5;
+const FINE = 0.5;
 const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
 /** Where an object will be seen from. */

@@ -6,7 +6,7 @@ import type { Resource } from "../resource.js";
 import { distanceTo, type Box, type Vector3 } from "../vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "../views.js";
 import { lossFrom, pictureAccuracy } from "./accuracy.js";
-import { FINE, MeshParts, sideOf, type MeshPart, type PlacedRow, type Seen } from "./meshes.js";
+import { MeshParts, sideOf, type MeshPart, type PlacedRow, type Seen } from "./meshes.js";
 import type { Prediction } from "./motion.js";
 import { partsOf, SHARES, type Offer, type Offering, type Shown, type Use } from "./offers.js";
 import type { Outlook } from "./outlook.js";
@@ -205,8 +205,7 @@ export class Pictures implements Offering<Part> {
     let accuracy = away.map((metres, k) => (farOnly && metres < near ? 0 : this.picturesOf(cell, widths[k]!)));
     for (let above: Cell | null = cell; above; above = above.parent) {
       const own = pitch * 2 ** above.level;
-      const placed = (one: number, k: number): number => ((1 - FINE) * one + FINE) * Math.min((SHARP * widths[k]!) / own, 1);
-      const shown = isInstance ? accuracy.map(placed) : accuracy;
+      const shown = isInstance ? accuracy.map((one, k) => one * Math.min((SHARP * widths[k]!) / own, 1)) : accuracy;
       const use = { object, accuracy: shown };
       if (above.views.size > 0) uses.set(above, [...(uses.get(above) ?? []), use]);
       const { loss, level } = above;
