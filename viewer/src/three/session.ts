@@ -23,6 +23,7 @@ import type { DepthPyramid } from "../core/depthpyramid.js";
 import { DepthReader } from "./depthreader.js";
 import { renderInto, type Frame } from "./frame.js";
 import { sunDirection, type LightUniforms } from "./light.js";
+import { expectGeometry } from "./near/draco.js";
 import { NearGeometry } from "./near/geometry.js";
 import { TextureShelf } from "./near/textures.js";
 import type { WorldOptions } from "./options.js";
@@ -120,6 +121,8 @@ export class Session {
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
     this.shelf = new TextureShelf(servers, pool, () => anisotropyOf(renderer()));
     this.preparer = new ThreePreparer({ manifest, pool, shelf: this.shelf, renderer, forget, patches: () => options().patches });
+    const { nearRadius, farOnly, farGeometry } = options();
+    if (nearRadius !== 0 && (farGeometry || !farOnly)) expectGeometry();
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
     this.coarsening = new CoarseningControl(this.loader.sizes);
     this.ranking = new Ranking(this.loader.link, this.loader.sizes);

@@ -8,7 +8,7 @@ const FILES = { js: "draco_wasm_wrapper.js", wasm: "draco_decoder.wasm" };
 let shared: Promise<DRACOLoader> | null = null;
 
 /**
- * Decodes compressed triangles in workers. Its code is fetched with the first, from beside this module; when it does not come, `where` is
+ * Decodes compressed triangles in workers. Its code is fetched with the first, or before (expectGeometry), from beside this module; when it does not come, `where` is
  * what has to wait for it. Rejects with `network`.
  */
 export async function dracoLoader(where: string): Promise<DRACOLoader> {
@@ -20,6 +20,11 @@ export async function dracoLoader(where: string): Promise<DRACOLoader> {
     shared = null;
     throw new FarfieldError("network", `the decoder of near geometry does not come: ${String(error)}`, where);
   }
+}
+
+/** Geometry is to be expected: its decoder, 75 kB, is fetched ahead of what it is for. When it does not come, that says so. */
+export function expectGeometry(): void {
+  dracoLoader("").catch(() => undefined);
 }
 
 async function load(): Promise<DRACOLoader> {
