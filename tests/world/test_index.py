@@ -27,6 +27,7 @@ def test_gains_come_back_within_a_tenth(gains: list[list[float]]) -> None:
         assert [place for place, _ in found] == list(range(len(own)))
         assert [gain for _, gain in found] == pytest.approx(own, rel=0.1)
         assert entry.directions_from(n) == list(range((len(own) + 1) // 2))
+    assert len(gains) == 26 or entry.picks_from(25) == entry.directions_from(25) == []
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,8 @@ MOST_LISTING = 256
 MOST_SIDES = 32
 """Images of an impostor."""
 VIEW_BINS = 26
+_TEXTS = 3
+"""Of CellEntry.picked: counts, places and steps."""
 MOST_PICKED = VIEW_BINS * 512
 """Tiles picked for all view bins together, at most."""
 ZERO = 35
@@ -194,8 +196,10 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def _listed(self, view_bin: int) -> tuple[Sequence[int], Sequence[int]]:
         """Places and steps of a view bin."""
+        if view_bin >= _bins(self):
+            return (), ()
         if not self.picked:
-            flat = self.picks[view_bin] if self.picks else ()
+            flat = self.picks[view_bin]
             return flat[::2], flat[1::2]
         counts, places, steps = self.picked
         first = sum(_numbers(counts[:view_bin]))
@@ -306,7 +310,7 @@ def _are_packed(picked: tuple[str, ...]) -> bool:
     """Whether they are as many as they say, for 26 bins at most."""
     if not picked:
         return True
-    if len(picked) != len(("counts", "places", "steps")) or len(picked[0]) > VIEW_BINS:
+    if len(picked) != _TEXTS or len(picked[0]) > VIEW_BINS:
         return False
     counts, places, steps = map(_numbers, picked)
     return min(counts, default=0) >= 0 and sum(counts) == len(places) == len(steps)

@@ -8,8 +8,8 @@ const FILES = { js: "draco_wasm_wrapper.js", wasm: "draco_decoder.wasm" };
 let shared: Promise<DRACOLoader> | null = null;
 
 /**
- * Decodes compressed triangles in workers. Its code is fetched with the first, or before (expectGeometry), from beside this module; when it does not come, `where` is
- * what has to wait for it. Rejects with `network`.
+ * Decodes compressed triangles in workers. Its code is fetched with the first, or before (expectGeometry), from beside this module; when
+ * it does not come, `where` is what has to wait for it. Rejects with `network`.
  */
 export async function dracoLoader(where: string): Promise<DRACOLoader> {
   shared ??= load();
