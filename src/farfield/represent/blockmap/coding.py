@@ -80,6 +80,8 @@ def decode_blockmap(data: bytes, where: str) -> BlockMap:
             size, low, step, plain[: n * n].reshape(n, n).copy(), sloped, bits, least, density, scale,
             bool(flags & BY_AREA), webp.decode(colors, n + columns, n, where), np.empty(0, np.uint8),
         )  # fmt: skip
+        if found.unfolded.rows > n:
+            raise CorruptTileError("BlockMap has more walls than its image", where, _HINT)
         return found.with_turns(np.frombuffer(inflate(turns, len(found.unfolded.sides)), np.uint8) % TURNS)
     except zlib.error as error:
         raise CorruptTileError(f"BlockMap is damaged: {error}", where, _HINT) from None
