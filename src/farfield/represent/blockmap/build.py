@@ -64,10 +64,10 @@ def build_blockmap(
     tops = _Tops.seen(chunk, materials, square, size.side)
     if not np.isfinite(tops.height).any():
         return None
-    low, step, codes = quantised(tops.height)
+    low, step, codes = quantised(tops.height, float(chunk.bounds[0, 2]))
     slopes = tops.slopes if sloped and tops.slopes.any() else None
     texel = square.texel(size.side)
-    least = max(1, int(np.ceil(LOWEST_WALL * float(texel.min()) / step)))
+    least = least_drop(texel, step)
     border = _walls_on_rim(chunk, square, size.side)
     frame = BlockMap(
         size, low, step, codes, slopes, border, least, 0, 0, by_area,
@@ -77,12 +77,11 @@ def build_blockmap(
     return _painted(fitted, chunk, materials, square, tops.color)
 
 
-def quantised(heights: NDArray[np.float32]) -> tuple[float, float, NDArray[np.uint8]]:
-    """(low, step, codes) of (n, n) metres, NaN: nothing there."""
+def quantised(heights: NDArray[np.float32], low: float) -> tuple[float, float, NDArray[np.uint8]]:
+    """(low, step, codes) of (n, n) metres, NaN: nothing there. low: metres down to which walls go."""
     known = np.isfinite(heights)
-    low, high = float(heights[known].min()), float(heights[known].max())
-    step = float(np.float32(max((high - low) / (CODES - 1), 1e-3)))
-    low = float(np.float32(low))
+    low = float(np.float32(min(low, heights[known].min())))
+    step = float(np.float32(max((float(heights[known].max()) - low) / (CODES - 1), 1e-3)))
     codes = np.zeros(heights.shape, np.uint8)
     codes[known] = np.clip(np.round((heights[known] - low) / step), 0, CODES - 1).astype(np.uint8) + 1
     return low, step, codes
@@ -102,6 +101,11 @@ def fitted_to(blockmap: BlockMap, texel: float, finest: int = FINEST) -> BlockMa
             if found.unfolded.rows <= blockmap.size.side:
                 return found
     return replace(found, scale=1)
+
+
+def least_drop(texel: NDArray[np.float32], step: float) -> int:
+    """Steps of height that a wall has at least. texel: (2,) metres."""
+    return min(max(1, int(np.ceil(LOWEST_WALL * float(texel.min()) / step))), 255)
 
 
 @dataclass(frozen=True, slots=True)
