@@ -35,6 +35,8 @@ class Record(msgspec.Struct, frozen=True):
     """Of a leaf: whether its own triangles, those of no shared mesh, have no holes cut out by alpha."""
     merged: str = ""
     """Of a cell above the leaves: hash of what its geometry was made from; empty: it may have none."""
+    blockmap: str = ""
+    """The same of its BlockMap."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,7 +73,9 @@ def merged_geometry(
     below: its children. bounds: of what lies in it, local metres. before: the cell's latest record.
     """
     leaves, lists = _counts(below)
-    if not all(cell.standing.is_solid for cell in below) or (lists and leaves > MOST_LISTING):
+    options = context.job.options
+    is_wanted = options.geometry and options.orthoviews
+    if not is_wanted or not all(cell.standing.is_solid for cell in below) or (lists and leaves > MOST_LISTING):
         return Merged(None, "", {})
     triangles = context.grid.resolution**2 // PIXELS_A_TRIANGLE
     sources = _sources(below, triangles)
@@ -82,7 +84,8 @@ def merged_geometry(
     boxes = _boxes(below)
     source = content_hash(context.job.signature.encode(), box, repr((bounds, boxes)).encode(), *named)
     if before is not None and before.merged == source:
-        return Merged(before.entry.geometry, source, {})
+        geometry = before.entry.geometry
+        return Merged(geometry and geometry.meshes_only, source, {})
     if not sources:
         return Merged(None, source, {})
     geometry, files = _Maker(context, key).made(sources, bounds, triangles, boxes)
@@ -123,6 +126,7 @@ def _sources(below: Sequence[BakedCell], triangles: int) -> list[_Source]:
     found = []
     for cell in below:
         geometry = cell.record.entry.geometry
+        geometry = geometry and geometry.meshes_only
         if geometry is None or not geometry.triangles:
             continue
         forms: Sequence[GeometryLevel] = geometry.forms if cell.key.level == 0 else (geometry,)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
+from farfield.bake.blockmaps import leaf_blockmap
 from farfield.bake.cell import BakedCell, Record, Standing, Tally, latest_record, read_record, write_record
 from farfield.bake.context import BakeContext, LeafMaterials
 from farfield.bake.index import close_index_tile
@@ -18,7 +19,7 @@ from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, fingerprint, merge, ordered
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.world.index import Bounds, CellEntry
+from farfield.world.index import Bounds, CellEntry, GeometryEntry
 from farfield.world.keys import content_hash
 
 Parts = dict[int, list[Chunk]]
@@ -44,6 +45,9 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
     if before is not None and before.drawn == drawn:
         # A mesh that reaches into the leaf has changed elsewhere.
         tiles, pictures, object_bytes = None, before.entry, before.object_bytes
+    elif not context.job.options.orthoviews:
+        tiles, object_bytes = None, 0
+        pictures = CellEntry(key=str(key), bounds=_bounds(context, key, chunk), error=context.grid.pitch(0))
     else:
         tiles = _draw(context, key, chunk, materials)
         pictures = CellEntry(
@@ -59,15 +63,20 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         errors = leaf_errors(sights, chunk, materials.table, pictures, layers)
         pictures = msgspec.structs.replace(pictures, errors=errors)
         object_bytes = tiles.object_bytes
-    output = content_hash(pictures.hash.encode(), near.entry.hash.encode() if near else b"")
+    cast = leaf_blockmap(context, key, chunk, materials.table, pictures.bounds)
+    geometry = GeometryEntry.of(near.entry if near else None, cast.form)
+    forms = [form.hash.encode() for form in (geometry.forms if geometry else ())]
     entry = msgspec.structs.replace(
-        pictures, geometry=near and near.entry, instances=near.instances if near else (), output=output
+        pictures,
+        geometry=geometry,
+        instances=near.instances if near else (),
+        output=content_hash(pictures.hash.encode(), *forms),
     )
     opaque = near is not None and near.opaque
     finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn, opaque)
     write_record(context.store, key, finished)
-    baked = _finished(context, key, finished, fresh=tiles is not None, tiles=tiles)
-    baked.files = near.files if near else {}
+    baked = _finished(context, key, finished, fresh=before is None or before.drawn != drawn, tiles=tiles)
+    baked.files = (near.files if near else {}) | (cast.files or {})
     return baked
 
 

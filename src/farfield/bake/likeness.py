@@ -24,6 +24,7 @@ from farfield.represent.geometry.likeness import SIDES, unlikeness
 from farfield.represent.materials import MaterialTable
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.scene.model import Material
+from farfield.view.blockmaps import CastableMap, draw_blockmap
 from farfield.view.frame import Frame
 from farfield.view.geometry import GeometryPass
 from farfield.view.picture import Picture
@@ -53,6 +54,9 @@ _WALLS = np.array([
     [2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5],
 ])  # fmt: skip
 """(12, 3) triangles of its walls, seen from outside."""
+
+PlacedMap = tuple[CastableMap, NDArray[np.float64]]
+"""A BlockMap, and the lower corner of its cell, local metres."""
 
 Layers = Mapping[tuple[int, int], tuple[Direction, OrthoLayer]]
 """(direction, layer) -> the same."""
@@ -133,7 +137,8 @@ def leaf_errors(
 
     layers: at least those of `places_of`.
     """
-    return _told(_Truth.of(sights, chunk, materials).errors(lambda sight: _splatted(sight, [(entry, layers)])))
+    truth = _Truth.of(sights, lambda sight: _drawn(sight, chunk, materials))
+    return _told(truth.errors(lambda sight: _splatted(sight, [(entry, layers)])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +154,23 @@ class FormErrors:
         cls, sights: Iterable[Sight], chunk: Chunk, materials: MaterialTable, before: tuple[float, float]
     ) -> FormErrors:
         """chunk: what they are made from, metres from the cell's lower corner."""
-        return cls(_Truth.of(sights, chunk, materials), before)
+        return cls(_Truth.of(sights, lambda sight: _drawn(sight, chunk, materials)), before)
+
+    @classmethod
+    def against_maps(cls, sights: Iterable[Sight], maps: Iterable[PlacedMap], before: tuple[float, float]) -> FormErrors:
+        """maps: the BlockMaps that one is made from."""
+        return cls(_Truth.of(sights, lambda sight: _cast(sight, maps)), before)
 
     def of(self, chunk: Chunk, materials: MaterialTable) -> tuple[int, ...]:
         """Of a form; of what is too small to be seen those of what it is made from."""
-        found = self.truth.errors(lambda sight: _drawn(sight, chunk, materials)) or [0.0, 0.0]
+        return self._of(lambda sight: _drawn(sight, chunk, materials))
+
+    def of_map(self, blockmap: PlacedMap) -> tuple[int, ...]:
+        """The same of a BlockMap."""
+        return self._of(lambda sight: _cast(sight, [blockmap]))
+
+    def _of(self, shown: Callable[[Sight], Frame]) -> tuple[int, ...]:
+        found = self.truth.errors(shown) or [0.0, 0.0]
         return _told([math.hypot(*both) for both in zip(found, self.before, strict=True)])
 
     def share_of(self, boxes: Sequence[Sequence[float]]) -> int:
@@ -168,14 +185,14 @@ class _Truth:
     views: tuple[tuple[Sight, Frame, Sight, Frame], ...]
 
     @classmethod
-    def of(cls, sights: Iterable[Sight], chunk: Chunk, materials: MaterialTable) -> _Truth:
-        """chunk: metres from the lower corner of the cell."""
+    def of(cls, sights: Iterable[Sight], draw: Callable[[Sight], Frame]) -> _Truth:
+        """draw: what is true."""
         found = []
         for sight in sights:
-            far = _drawn(sight, chunk, materials)
+            far = draw(sight)
             close = sight.nearer(far)
             if close is not None:
-                found.append((sight, far, close, _drawn(close, chunk, materials)))
+                found.append((sight, far, close, draw(close)))
         return cls(tuple(found))
 
     def errors(self, shown: Callable[[Sight], Frame]) -> list[float]:
@@ -246,6 +263,13 @@ def _drawn(sight: Sight, chunk: Chunk, materials: MaterialTable) -> Frame:
     frame, shift = sight.empty(), sight.grid.bounds(sight.key)[0] - sight.eye
     moved = replace(chunk, positions=(chunk.positions + shift).astype(np.float32))
     GeometryPass(frame, _LIGHT).draw(moved, materials)
+    return frame
+
+
+def _cast(sight: Sight, maps: Iterable[PlacedMap]) -> Frame:
+    frame = sight.empty()
+    for castable, corner in maps:
+        draw_blockmap(frame, castable, corner, _LIGHT)
     return frame
 
 

@@ -7,11 +7,17 @@ from dataclasses import dataclass
 from farfield.errors import OptionError
 from farfield.geometry.directions import Direction, parse
 from farfield.octree.grid import Grid
+from farfield.represent.blockmap.blockmap import BlockMapSize
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.world.keys import content_hash
 
-BAKE_VERSION = 24
+BAKE_VERSION = 25
 """Grows whenever the same input would give other bytes; older records are then baked again."""
+
+
+def default_resolution(orthoviews: bool, blockmap: str) -> int:
+    """Pixels across a leaf: of worlds without orthoviews as many as their BlockMaps have texels. Raises OptionError."""
+    return 512 if orthoviews else BlockMapSize.parse(blockmap).side
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +42,12 @@ class BakeOptions:
     """Worker processes; 0: one for each processor."""
     scheduler: str = ""
     """Address of a Dask scheduler whose workers bake instead, such as tcp://host:8786; empty: this machine bakes."""
+    orthoviews: bool = True
+    """Whether cells have pictures with depth."""
     geometry: bool = True
-    """Whether near geometry is written."""
+    """Whether near geometry is written, and, beside orthoviews, that of cells above merged."""
+    blockmap: str = ""
+    """Size of the BlockMaps of cells, side:columns, such as "64:256"; empty: they have none."""
     object_ids: bool = True
     """Whether object ids of the first layer are written."""
 
@@ -57,6 +67,11 @@ class BakeOptions:
                 f"{self.workers} workers beside a scheduler", "--workers", "leave it out: the cluster's workers bake"
             )
         parse(self.directions)
+        if self.blockmap:
+            BlockMapSize.parse(self.blockmap)
+        if not (self.orthoviews or self.blockmap):
+            what = "nothing is left to show what is far"
+            raise OptionError(what, "--represent", "orthoview, blockmap, or both, and geometry")
 
     def direction_list(self) -> tuple[Direction, ...]:
         """The chosen directions, ascending by number."""
@@ -67,4 +82,5 @@ class BakeOptions:
         vectors = [(d.number, d.vector) for d in self.direction_list()]
         facts = (BAKE_VERSION, grid.leaf_size, grid.resolution, grid.corner, vectors)
         chosen = (self.depth_layers, self.quality, self.samples, self.geometry, self.object_ids)
+        chosen += (self.orthoviews, self.blockmap)
         return content_hash(repr((facts, chosen)).encode())

@@ -22,6 +22,9 @@ TRIANGLES_PER_LEAF = 10_000
 """What the default leaf size aims at, at least: fewer are cheaper drawn than the 100,000 pixels of a leaf's pictures.
 At 2,000 leaves a statue
 of a million triangles would be 68,000 tiles of a few hundred triangles each."""
+TRIANGLES_PER_BLOCKMAP = 512
+"""The same where there are no orthoviews but BlockMaps: some thirty buildings, whose walls these have room for."""
+MOST_BLOCKMAPS = 1 << 18
 LARGEST_WORLD = 1 << 20
 """Leaves along an axis beyond which the leaf size is refused as absurd."""
 _PAD = 64
@@ -61,7 +64,7 @@ def make_plan(scene: Scene, summaries: list[MeshSummary], options: BakeOptions) 
     Raises InputError when its extent and the leaf size do not fit together.
     """
     bounds = scene_bounds(scene, summaries)
-    size = options.leaf_size or default_leaf_size(scene, summaries, bounds)
+    size = options.leaf_size or default_leaf_size(scene, summaries, bounds, options.orthoviews)
     reach = float((bounds[1] - bounds[0]).max()) / size
     if not np.isfinite(reach) or reach > LARGEST_WORLD:
         raise InputError(
@@ -92,11 +95,17 @@ def scene_bounds(scene: Scene, summaries: list[MeshSummary]) -> NDArray[np.float
     return bounds
 
 
-def default_leaf_size(scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64]) -> float:
-    """Smallest power of two, in metres, that keeps to MOST_LEAVES occupied leaves and TRIANGLES_PER_LEAF."""
+def default_leaf_size(
+    scene: Scene, summaries: list[MeshSummary], bounds: NDArray[np.float64], orthoviews: bool = True
+) -> float:
+    """Smallest power of two, in metres, that keeps to MOST_LEAVES occupied leaves and TRIANGLES_PER_LEAF.
+
+    orthoviews: whether there are any; if not, to MOST_BLOCKMAPS and TRIANGLES_PER_BLOCKMAP.
+    """
     counts = np.array([summary.triangles for summary in summaries], dtype=np.int64)
     triangles = int((counts * np.bincount(scene.instances.mesh, minlength=len(counts))).sum())
-    most = min(MOST_LEAVES, max(FEWEST_LEAVES, triangles // TRIANGLES_PER_LEAF))
+    each = TRIANGLES_PER_LEAF if orthoviews else TRIANGLES_PER_BLOCKMAP
+    most = min(MOST_LEAVES if orthoviews else MOST_BLOCKMAPS, max(FEWEST_LEAVES, triangles // each))
     extent = float((bounds[1] - bounds[0]).max())
     exponent = int(np.ceil(np.log2(max(extent, 1e-6))))
     while exponent > -30 and _occupied(scene, summaries, bounds, 2.0 ** (exponent - 1), most) <= most:

@@ -13,7 +13,7 @@ from farfield.world.index import CellEntry
 from farfield.world.reach import geometry_keys, images_of, meshes_of, textures_of
 from farfield.world.world import World
 
-_CELL = re.compile(r"(?:orthoview|objects|geometry)/(-?\d+/-?\d+/-?\d+/-?\d+)")
+_CELL = re.compile(r"(?:orthoview|objects|geometry|blockmap)/(-?\d+/-?\d+/-?\d+/-?\d+)")
 
 
 def forget(world: World, bad: Iterable[str]) -> None:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import msgspec
 
+from farfield.bake.blockmaps import parent_blockmap
 from farfield.bake.cell import BakedCell, Record, Tally, Tiles, latest_record, write_record
 from farfield.bake.context import BakeContext
 from farfield.bake.hlod import merged_geometry, standing_of
@@ -24,7 +25,7 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.parent import composite
 from farfield.represent.orthoview.tile import decode_tile
-from farfield.world.index import Bounds, CellEntry
+from farfield.world.index import Bounds, CellEntry, GeometryEntry
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 Children = dict[CellKey, tuple[CellKey, ...]]
@@ -52,9 +53,13 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     before = latest_record(context.store, key)
     bounds = _union([c.record.entry.bounds for c in below])
     merged = merged_geometry(context, key, below, bounds, before)
+    cast = parent_blockmap(context, key, below, bounds, before)
     fresh = before is None or before.input != source
     tiles = objects = None
-    if before is None or fresh:
+    if not context.job.options.orthoviews:
+        entry, object_bytes = CellEntry(key=str(key), bounds=bounds, error=context.grid.pitch(key.level)), 0
+        fresh = before is None or before.blockmap != cast.input
+    elif before is None or fresh:
         sights = sights_of(context.grid, key, bounds)
         built, theirs = _composite(context, key, below, sights)
         entry = CellEntry(
@@ -72,8 +77,8 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         tiles, objects = built.encoded, built.objects
     else:
         entry, object_bytes = before.entry, before.object_bytes
-    entry = msgspec.structs.replace(entry, geometry=merged.geometry)
-    record = Record(source, _over(entry, below), 0, object_bytes, merged=merged.input)
+    entry = msgspec.structs.replace(entry, geometry=GeometryEntry.of(merged.geometry, cast.form))
+    record = Record(source, _over(entry, below), 0, object_bytes, merged=merged.input, blockmap=cast.input)
     if record != before:
         write_record(context.store, key, record)
     tally = Tally.sum([Tally.of(record.entry, fresh), *(cell.tally for cell in below)])
@@ -88,7 +93,7 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         listed=listed,
         tiles=tiles,
         objects=objects,
-        files=merged.files,
+        files=merged.files | (cast.files or {}),
     )
     close_index_tile(context.store, context.grid, baked)
     return baked

@@ -22,12 +22,18 @@ LeafSizeOption = Annotated[
     float | None,
     typer.Option(metavar="M", help="Edge of a leaf cell, metres; default: at most 2,000 occupied leaves."),
 ]
-ResolutionOption = Annotated[int, typer.Option(metavar="PX", help="Pixels of an orthoview across a leaf.")]
+ResolutionOption = Annotated[
+    int | None,
+    typer.Option(metavar="PX", help="Pixels of an orthoview across a leaf; default: 512, of BlockMaps alone their side."),
+]
 DirectionsOption = Annotated[
     str, typer.Option(metavar="PRESET", help="5, 9, 9c, 13, 17, 26, or unit vectors x,y,z joined by +.")
 ]
 LayersOption = Annotated[int, typer.Option(metavar="1|2", help="Depth layers of a view.")]
-RepresentOption = Annotated[str, typer.Option(metavar="A,B", help="Representations: orthoview, geometry.")]
+RepresentOption = Annotated[
+    str, typer.Option(metavar="A,B", help="Representations: orthoview, blockmap, or both, and geometry.")
+]
+BlockmapOption = Annotated[str, typer.Option(metavar="N:M", help="Size of BlockMaps: 16:64, 32:192 or 64:256.")]
 WorkersOption = Annotated[int, typer.Option(metavar="N", min=0, help="Worker processes; 0: one a processor.")]
 SchedulerOption = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers bake instead, such as tcp://host:8786.")
@@ -39,43 +45,47 @@ def command(
     sources: SourcesArgument,
     output: WorldOption,
     leaf_size: LeafSizeOption = None,
-    resolution: ResolutionOption = 512,
+    resolution: ResolutionOption = None,
     directions: DirectionsOption = "17",
     depth_layers: LayersOption = 2,
     represent: RepresentOption = "orthoview,geometry",
+    blockmap: BlockmapOption = "64:256",
     workers: WorkersOption = 0,
     scheduler: SchedulerOption = "",
     quality: QualityOption = "normal",
     as_json: JsonOption = False,
 ) -> None:
     """Bake SOURCE… into a world; goes on where an interrupted bake of the same input stopped."""
-    from farfield.bake.options import BakeOptions
+    from farfield.bake.options import BakeOptions, default_resolution
     from farfield.pipeline import bake_sources
 
+    kinds = _kinds(represent)
     options = BakeOptions(
         leaf_size=leaf_size,
-        resolution=resolution,
+        resolution=resolution or default_resolution("orthoview" in kinds, blockmap),
         directions=directions,
         depth_layers=depth_layers,
         quality=quality,
         workers=workers,
         scheduler=scheduler,
-        geometry=_wants_geometry(represent),
+        orthoviews="orthoview" in kinds,
+        geometry="geometry" in kinds,
+        blockmap=blockmap if "blockmap" in kinds else "",
     )
     with shown_progress() as progress:
         facts = bake_sources(sources, output, options, progress)
     report(facts, as_json=as_json, text=_summary(facts, output))
 
 
-def _wants_geometry(represent: str) -> bool:
+def _kinds(represent: str) -> set[str]:
     from farfield.errors import OptionError
 
     names = {name.strip() for name in represent.split(",") if name.strip()}
-    unknown = names - {"orthoview", "geometry"}
-    if unknown or "orthoview" not in names:
-        what = f"cannot represent by {', '.join(sorted(unknown)) or 'nothing'}"
-        raise OptionError(what, "--represent", "orthoview, or orthoview,geometry")
-    return "geometry" in names
+    unknown = names - {"orthoview", "blockmap", "geometry"}
+    if unknown or not names - {"geometry"}:
+        what = f"cannot represent by {', '.join(sorted(unknown)) or 'nothing for what is far'}"
+        raise OptionError(what, "--represent", "orthoview, blockmap, or both, and geometry, with commas between them")
+    return names
 
 
 def _summary(facts: dict[str, Any], output: str) -> str:

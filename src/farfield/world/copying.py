@@ -19,7 +19,7 @@ from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
-from farfield.world.reach import IndexRoot, first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
+from farfield.world.reach import IndexRoot, blockmap_object_keys, first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
 from farfield.world.split import SplitStore
 from farfield.world.targets import Target
 
@@ -80,6 +80,8 @@ class _Cell(NamedTuple):
     """Direction, layer and bytes of each tile, one after the other."""
     geometry: tuple[tuple[str, int], ...]
     """Key and bytes of each form."""
+    objects: tuple[str, ...]
+    """Keys of the object ids of its BlockMaps."""
 
 
 def copy_world(source: Store, target: Target, progress: Progress | None = None) -> Copied:
@@ -153,14 +155,14 @@ class _Copy:
         self._meshes.update(meshes_of(entry))
         self._textures.update(dict.fromkeys(images_of(entry)))
         tiles = array("Q", [number for tile in entry.tiles for number in tile])
-        return _Cell(entry.cell, entry.hash, tiles, tuple(geometry_keys(entry)))
+        return _Cell(entry.cell, entry.hash, tiles, tuple(geometry_keys(entry)), tuple(blockmap_object_keys(entry)))
 
     def _copy_cells(self, cells: list[_Cell]) -> None:
         self._progress.start(sum(len(cell.tiles) // 3 + len(cell.geometry) for cell in cells), "tiles")
         for _ in self._copy(wanted for cell in cells for wanted in _pictures_of(cell)):
             self._progress.advance()
         # The index does not tell which tiles have object ids: each is asked for, and may be missing.
-        self._progress.start(sum(len(cell.tiles) // 3 for cell in cells), "object ids")
+        self._progress.start(sum(len(cell.tiles) // 3 + len(cell.objects) for cell in cells), "object ids")
         for _ in self._copy(wanted for cell in cells for wanted in _object_ids_of(cell)):
             self._progress.advance()
 
@@ -230,6 +232,8 @@ def _pictures_of(cell: _Cell) -> Iterator[_Wanted]:
 def _object_ids_of(cell: _Cell) -> Iterator[_Wanted]:
     for direction, layer, _ in _tiles_of(cell):
         yield _Wanted(keys.objects_key(cell.key, direction, layer, cell.hash), optional=True)
+    for key in cell.objects:
+        yield _Wanted(key, optional=True)
 
 
 def _tiles_of(cell: _Cell) -> list[tuple[int, int, int]]:

@@ -16,10 +16,18 @@ from farfield.world.chunks import named_chunks
 from farfield.world.index import decode_index
 from farfield.world.limits import DAMAGE
 from farfield.world.manifest import read_manifest
-from farfield.world.reach import first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
+from farfield.world.reach import (
+    blockmap_object_keys,
+    first_index_tiles,
+    geometry_keys,
+    images_of,
+    meshes_of,
+    parted,
+    textures_of,
+)
 
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
-_OF_CELL = re.compile(rf"(orthoview|objects|geometry|index)/{_CELL}(?:/\d+/\d+)?(?:-([0-9a-f]+))?")
+_OF_CELL = re.compile(rf"(orthoview|objects|geometry|blockmap|index)/{_CELL}(?:/\d+/\d+|/blockmap)?(?:-([0-9a-f]+))?")
 _RECORD = re.compile(rf"record/{_CELL}")
 _SHARED = re.compile(r"(mesh|texture|attributes|record/chunk)/([0-9a-f]+)")
 
@@ -39,13 +47,13 @@ class _Living:
     named: dict[str, dict[str, str]] = field(default_factory=dict)
     """Kind → cell → hash."""
     shared: set[str] = field(default_factory=set)
-    """Keys of geometry, meshes, textures, attributes and scene chunks."""
+    """Keys of geometry, BlockMaps and their object ids, meshes, textures, attributes and scene chunks."""
 
     def holds(self, key: str) -> bool:
         """Whether `key` belongs to the world; also true of what is none of its kinds of values."""
         if found := _OF_CELL.fullmatch(key):
             kind, cell, name = found.groups()
-            if kind == "geometry":
+            if kind in ("geometry", "blockmap") or "/blockmap-" in key:
                 return key in self.shared
             return self.named[kind].get(cell) == name
         return key in self.shared or _SHARED.fullmatch(key) is None
@@ -80,6 +88,7 @@ class _Pictures(msgspec.Struct):
 
     key: str = ""
     hash: str = ""
+    output: str = ""
     geometry: _Geometry | None = None
 
 
@@ -102,7 +111,7 @@ def _is_true_record(store: Store, key: str, living: _Living) -> bool:
     except DAMAGE:
         return False
     cell = key.removeprefix("record/")
-    if not entry.hash:  # Nothing lies in the cell.
+    if not entry.output:  # Nothing lies in the cell.
         return cell not in living.named["orthoview"]
     geometry = entry.geometry.hash if entry.geometry else None
     return living.named["orthoview"].get(cell) == entry.hash and living.named["geometry"].get(cell) == geometry
@@ -130,6 +139,7 @@ def _living(store: Store, progress: Progress) -> _Living:
                 living.named["geometry"][entry.key] = entry.geometry.hash
                 for geometry, _ in geometry_keys(entry):
                     _add_shared(store, living, geometry)
+                living.shared.update(blockmap_object_keys(entry))
                 for mesh in meshes_of(entry):
                     _add_shared(store, living, keys.mesh_key(mesh))
             progress.advance()

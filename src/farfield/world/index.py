@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -67,7 +67,10 @@ escapes one alone."""
 Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
 
 
-class GeometryLevel(msgspec.Struct, frozen=True):
+BLOCKMAP = "blockmap"
+
+
+class GeometryLevel(msgspec.Struct, frozen=True, omit_defaults=True):
     """A form of a cell's geometry, which shows it without any of the others."""
 
     hash: Hash
@@ -83,9 +86,11 @@ class GeometryLevel(msgspec.Struct, frozen=True):
     the leaves the first view is that of FARTHEST."""
     drawn: Count = 0
     """Triangles with those of its instances, which are drawn whole; 0: older worlds do not tell."""
+    kind: Literal["", "blockmap"] = ""
+    """Empty: a GLB. BLOCKMAP: a BlockMap, the last of a cell's forms, which shows instances too."""
 
 
-class GeometryEntry(GeometryLevel, frozen=True):
+class GeometryEntry(GeometryLevel, frozen=True, omit_defaults=True):
     """Near geometry of a leaf, or what lies below a cell, merged and simplified (HLOD), without listed instances."""
 
     levels: Annotated[tuple[GeometryLevel, ...], Meta(max_length=16)] = ()
@@ -96,8 +101,30 @@ class GeometryEntry(GeometryLevel, frozen=True):
 
     @property
     def forms(self) -> tuple[GeometryLevel, ...]:
-        """From fine to coarse."""
+        """From fine to coarse, a BlockMap last."""
         return (self, *self.levels)
+
+    @property
+    def meshes_only(self) -> GeometryEntry | None:
+        """Without a BlockMap; None: it is nothing else."""
+        if self.kind == BLOCKMAP:
+            return None
+        return msgspec.structs.replace(self, levels=tuple(form for form in self.levels if form.kind != BLOCKMAP))
+
+    @property
+    def blockmap(self) -> GeometryLevel | None:
+        """The form that is one."""
+        last = self.forms[-1]
+        return last if last.kind == BLOCKMAP else None
+
+    @classmethod
+    def of(cls, meshes: GeometryEntry | None, blockmap: GeometryLevel | None) -> GeometryEntry | None:
+        """Both together; None: there is neither."""
+        if blockmap is None:
+            return meshes
+        if meshes is None:
+            return cls(**msgspec.structs.asdict(blockmap))
+        return msgspec.structs.replace(meshes, levels=(*meshes.levels, blockmap))
 
 
 class MeshLevel(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -43,6 +43,16 @@ def geometry_key(cell: CellKey, file_hash: str) -> str:
     return f"geometry/{cell}-{file_hash}"
 
 
+def blockmap_key(cell: CellKey, file_hash: str) -> str:
+    """Key of the BlockMap of a cell."""
+    return f"blockmap/{cell}-{file_hash}"
+
+
+def blockmap_objects_key(cell: CellKey, file_hash: str) -> str:
+    """Key of the object ids of a BlockMap."""
+    return f"objects/{cell}/blockmap-{file_hash}"
+
+
 def mesh_key(file_hash: str) -> str:
     """Key of a mesh that instances share."""
     return f"mesh/{file_hash}"

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from farfield.errors import CorruptTileError, MissingKeyError, StoreError
 from farfield.progress import NoProgress, Progress
+from farfield.represent.blockmap.coding import decode_objects
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
@@ -18,6 +19,7 @@ from farfield.world.attributes import attribute_tables
 from farfield.world.chunks import SCENE, named_chunks, read_scene_values
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.reach import (
+    blockmap_object_keys,
     first_index_tiles,
     geometry_keys,
     images_of,
@@ -142,6 +144,7 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
 def _check_cell(store: Store, entry: CellEntry) -> _Report:
     parts = [_check_tiles(store, entry)] if entry.tiles else []
     parts += [_check_hashed(store, key, size) for key, size in geometry_keys(entry)]
+    parts += [_check_blockmap_objects(store, key) for key in blockmap_object_keys(entry)]
     return _sum(parts)
 
 
@@ -175,6 +178,18 @@ def _tile_faults(store: Store, tiles: Iterable[str], objects: Iterable[str]) -> 
             continue
         except (CorruptTileError, StoreError) as error:
             yield Fault(objects_key, error.what)
+
+
+def _check_blockmap_objects(store: Store, key: str) -> _Report:
+    """The object ids of a BlockMap, which may be missing; they have a checksum of their own."""
+    try:
+        data = store.get(key)
+        decode_objects(data, key)
+    except MissingKeyError:
+        return _Report()
+    except (CorruptTileError, StoreError) as error:
+        return _Report(1, 0, (Fault(key, error.what),))
+    return _Report(1, len(data))
 
 
 def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:

@@ -1,0 +1,138 @@
+"""BlockMaps of a bake: those of leaves from their triangles, those above from their children's as they are stored (BLK 4).
+
+They show all that is in a cell, instances too. Their errors are measured as those of merged geometry are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from farfield.bake.cell import BakedCell, Record
+from farfield.bake.context import BakeContext
+from farfield.bake.likeness import FARTHER, FormErrors, PlacedMap, sights_of
+from farfield.octree.grid import CellKey
+from farfield.represent.blockmap.blockmap import BlockMap, BlockMapSize
+from farfield.represent.blockmap.build import Square, build_blockmap
+from farfield.represent.blockmap.coding import decode_blockmap, decode_objects, encode_blockmap, encode_objects
+from farfield.represent.blockmap.parent import ChildMap, build_parent
+from farfield.represent.chunk import Chunk
+from farfield.represent.materials import MaterialTable
+from farfield.view.blockmaps import CastableMap
+from farfield.world.index import BLOCKMAP, Bounds, GeometryLevel
+from farfield.world.keys import blockmap_key, blockmap_objects_key, content_hash
+
+WEBP_QUALITY = {"compact": 60, "normal": 75, "high": 88}
+"""Of colours, by preset: 75 takes two thirds of the bytes of 85 for .3 dB."""
+BOX = 12
+"""Triangles that a BlockMap is drawn by."""
+
+
+@dataclass(frozen=True, slots=True)
+class BakedMap:
+    """What became of a cell's BlockMap."""
+
+    form: GeometryLevel | None
+    input: str = ""
+    """Hash of what it was made from."""
+    files: dict[str, bytes] | None = None
+    """It and its object ids by key, if they were made just now."""
+
+
+NO_MAP = BakedMap(None)
+
+
+def leaf_blockmap(context: BakeContext, key: CellKey, chunk: Chunk, materials: MaterialTable, bounds: Bounds) -> BakedMap:
+    """Stores the BlockMap of a leaf. chunk: all that is in it, metres from its lower corner."""
+    if not context.job.options.blockmap or materials.arrays.unlit[np.unique(chunk.materials)].any():
+        return NO_MAP
+    size, grid = BlockMapSize.parse(context.job.options.blockmap), context.grid
+    made = build_blockmap(chunk, materials, _square(context, key), size)
+    if made is None:
+        return NO_MAP
+    # From where a pixel is as wide as one of the leaf's pictures, as errors of its forms are told.
+    sights = [replace(sight, share=1.0) for sight in sights_of(grid, key, bounds)]
+    return _stored(context, key, made, FormErrors.against(sights, chunk, materials, (0.0, 0.0)))
+
+
+def parent_blockmap(
+    context: BakeContext, key: CellKey, below: Sequence[BakedCell], bounds: Bounds, before: Record | None
+) -> BakedMap:
+    """Stores the BlockMap of a cell above; as it is noted where that was made from the same. below: its children."""
+    forms = [_form_of(cell) for cell in below]
+    if not context.job.options.blockmap or None in forms:
+        return NO_MAP
+    named = (f"{cell.key} {form.hash} {form.errors}".encode() for cell, form in zip(below, forms, strict=True) if form)
+    box = context.grid.bounds(key).tobytes()
+    source = content_hash(context.job.signature.encode(), box, repr(bounds).encode(), *named)
+    if before is not None and before.blockmap == source and before.entry.geometry is not None:
+        return BakedMap(before.entry.geometry.blockmap, source)
+    maps = [_read(context, cell, form) for cell, form in zip(below, forms, strict=True) if form]
+    made = build_parent([_child(context, key, *one) for one in zip(below, maps, strict=True)], _square(context, key),
+                        _merges(context, key))  # fmt: skip
+    placed = [_placed(context, cell.key, one) for cell, one in zip(below, maps, strict=True)]
+    firsts, seconds = zip(*(_errors(cell, form) for cell, form in zip(below, forms, strict=True) if form), strict=True)
+    told = float(np.mean(firsts)), float(np.mean(seconds))
+    errors = FormErrors.against_maps(sights_of(context.grid, key, bounds), placed, told)
+    return replace(_stored(context, key, made, errors), input=source)
+
+
+def _form_of(cell: BakedCell) -> GeometryLevel | None:
+    geometry = cell.record.entry.geometry
+    return geometry.blockmap if geometry else None
+
+
+def _errors(cell: BakedCell, form: GeometryLevel) -> tuple[float, float]:
+    """A child's own, in the first view that errors of the cell above are told for, and in the second."""
+    first, second, *_ = (error / 255 for error in form.errors)
+    if cell.key.level == 0:
+        # Told from where a pixel is as wide as one of a leaf's: four times as far, and there.
+        return FARTHER**2 * first, first
+    return FARTHER * first, (first + second) / 2
+
+
+def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErrors) -> BakedMap:
+    data = encode_blockmap(made, WEBP_QUALITY[context.job.options.quality])
+    name = content_hash(data)
+    files = {blockmap_key(key, name): data}
+    if context.job.options.object_ids and made.objects is not None:
+        files[blockmap_objects_key(key, name)] = encode_objects(made.objects)
+    for one, value in files.items():
+        context.store.put(one, value)
+    told = errors.of_map(_placed(context, key, decode_blockmap(data, blockmap_key(key, name))))
+    form = GeometryLevel(name, len(data), BOX, errors=told, drawn=BOX, kind=BLOCKMAP)
+    return BakedMap(form, files=files)
+
+
+def _read(context: BakeContext, cell: BakedCell, form: GeometryLevel) -> BlockMap:
+    """A child's, as it is stored."""
+    key = blockmap_key(cell.key, form.hash)
+    found = decode_blockmap(cell.file_from(context.store, key), key)
+    if not context.job.options.object_ids:
+        return found
+    ids = blockmap_objects_key(cell.key, form.hash)
+    return found.with_objects(decode_objects(cell.file_from(context.store, ids), ids))
+
+
+def _child(context: BakeContext, key: CellKey, cell: BakedCell, blockmap: BlockMap) -> ChildMap:
+    x, y, z = (
+        index & 1 if merge else 0 for index, merge in zip(cell.key[1:], _merges(context, key), strict=True)
+    )
+    rise = z * float(context.grid.cell_size(cell.key.level)[2])
+    return ChildMap(blockmap, (x, y, z), rise)
+
+
+def _merges(context: BakeContext, key: CellKey) -> tuple[int, int, int]:
+    """1 along the axes that cells merge on into those of this level."""
+    x, y, z = (int(key.level <= most) for most in context.grid.axis_levels)
+    return x, y, z
+
+
+def _square(context: BakeContext, key: CellKey) -> Square:
+    return Square(*context.grid.cell_size(key.level).tolist())
+
+
+def _placed(context: BakeContext, key: CellKey, blockmap: BlockMap) -> PlacedMap:
+    return CastableMap.of(blockmap, context.grid.cell_size(key.level)), context.grid.bounds(key)[0]
