@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.kernels.leaps import LEAPS, leaps
 from farfield.kernels.raycast import cast_rays
+from farfield.octree.grid import CellKey
 from farfield.represent.blockmap.blockmap import STEEP, BlockMap
+from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
+from farfield.world.keys import blockmap_objects_key
+from farfield.world.world import World
 
 _NEAR = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class MapDraw:
+    """A BlockMap of a world that is to be drawn."""
+
+    cell: CellKey
+    key: str
+    box: NDArray[np.float64] | None = None
+    """(2, 3) local metres to which it is cut; None: all of it."""
+    moved: NDArray[np.float64] | None = None
+    """(3,) metres by which it is drawn elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +67,52 @@ class CastableMap:
         slopes = np.ascontiguousarray(np.concatenate([across, rise], axis=-1))
         extent, highest = np.asarray(extent, np.float64), float(tops.max())
         return cls(blockmap, extent, heights, slopes, distances, thresholds, blockmap.azimuths, highest)
+
+
+class BlockMapPass:
+    """Draws BlockMaps of a world into a frame, after all else; each is read once."""
+
+    def __init__(self, world: World, frame: Frame, light: Light) -> None:
+        self._world, self._frame, self._light = world, frame, light
+        self._maps: dict[str, CastableMap] = {}
+        self.bytes = 0
+        """Encoded size of everything read so far."""
+
+    def draw(self, draws: Iterable[MapDraw]) -> tuple[int, int]:
+        """Returns how many were drawn, and how many cannot be read."""
+        drawn = unreadable = 0
+        for one in draws:
+            try:
+                castable = self._castable(one)
+            except CorruptTileError:
+                unreadable += 1
+                continue
+            corner = self._world.grid.bounds(one.cell)[0]
+            moved = np.zeros(3) if one.moved is None else one.moved
+            box = None if one.box is None else one.box + moved
+            draw_blockmap(self._frame, castable, corner + moved, self._light, box)
+            drawn += 1
+        return drawn, unreadable
+
+    def _castable(self, one: MapDraw) -> CastableMap:
+        if one.key not in self._maps:
+            blockmap = decode_blockmap(self._read(one.key), one.key)
+            if self._frame.objects.size:
+                ids = blockmap_objects_key(one.cell, one.key[-16:])
+                try:
+                    blockmap = blockmap.with_objects(decode_objects(self._world.store.get(ids), ids))
+                except MissingKeyError:
+                    pass
+            self._maps[one.key] = CastableMap.of(blockmap, self._world.grid.cell_size(one.cell.level))
+        return self._maps[one.key]
+
+    def _read(self, key: str) -> bytes:
+        try:
+            data = self._world.store.get(key)
+        except MissingKeyError:
+            raise CorruptTileError("BlockMap is missing", key, "run farfield verify") from None
+        self.bytes += len(data)
+        return data
 
 
 def leap_heights(tops: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -15,7 +15,7 @@ from farfield.represent.geometry.board import board_matrix, dynamic_angle, side_
 from farfield.stream.accuracy import loss_from, picture_accuracy
 from farfield.stream.regions import pixel_width
 from farfield.stream.tree import NONE, REACH, CellForms, CellTree, merged_accuracy, told_errors
-from farfield.world.index import MESH_FARTHEST, CellEntry, Impostor
+from farfield.world.index import MESH_FARTHEST, CellEntry, GeometryLevel, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
 
@@ -40,6 +40,15 @@ class PlacedInstance:
     box: NDArray[np.float64]
     """(6,) round it, local metres."""
     is_board: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ShownForm:
+    """A cell above leaves, or a leaf, that is geometry in the place of its pictures."""
+
+    entry: CellEntry
+    form: GeometryLevel | None = None
+    """By which; None: by the finest that is there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +81,7 @@ class Kinds:
         self._dynamic: tuple[Collection[str], dict[tuple[str, int], list[_Board]]] | None = None
         """Those of the values that are held, and these."""
 
-    def geometry_of(self, cell: CellKey, held: Collection[str]) -> list[CellEntry]:
+    def geometry_of(self, cell: CellKey, held: Collection[str]) -> list[ShownForm]:
         """What to draw in place of a cell's pictures: the leaves below, or the cell itself as merged geometry.
 
         None: its pictures are better, or it is no geometry (spec/drawing.md, Cells as geometry).
@@ -88,18 +97,25 @@ class Kinds:
         if best is None or best[1] < self._pictures(number, width, held):
             return []
         if forms.is_merged[best[0]]:
-            return [tree.entries[number]]
-        return [tree.entries[leaf] for leaf in tree.leaves_below(number)]
+            return [ShownForm(tree.entries[number], self._own_form(number, forms, best[0]))]
+        return [ShownForm(tree.entries[leaf]) for leaf in tree.leaves_below(number)]
 
-    def stands_in(self, cell: CellKey, held: Collection[str]) -> bool:
-        """Whether a cell above others stands in for them by merged geometry, and not by its pictures."""
+    def _own_form(self, number: int, forms: CellForms, chosen: int) -> GeometryLevel:
+        geometry = self._tree.entries[number].geometry
+        assert geometry is not None
+        return geometry.forms[chosen - len(forms.values)]
+
+    def stands_in(self, cell: CellKey, held: Collection[str]) -> GeometryLevel | None:
+        """The form of its own by which a cell above others stands in for them; None: it does by its pictures."""
         number = self._numbers.get(cell)
         if number is None:
-            return False
+            return None
         bounds, forms = self._tree.bounds[number], self._tree.merged(number)
         width = pixel_width(bounds, self._away(bounds), self._focal)
         best = self._best(forms, forms.far, number, width, held)
-        return best is not None and best[1] >= self._pictures(number, width, held)
+        if best is None or best[1] < self._pictures(number, width, held):
+            return None
+        return self._own_form(number, forms, best[0])
 
     def _best(
         self,
@@ -282,7 +298,7 @@ class Kinds:
         tree, bounds, most = self._tree, self._tree.bounds[number], 0.0
         width = pixel_width(bounds, self._away(bounds), self._focal)
         for above, shown in self._by_pictures_above(number, width):
-            if above != number and self.stands_in(tree.entries[above].cell, held):
+            if above != number and self.stands_in(tree.entries[above].cell, held) is not None:
                 break
             share = self._share(above, held)
             most = max(most, share**2 * shown * min(float(width / tree.errors[above]), 1.0))

@@ -20,12 +20,13 @@ from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Texture
 from farfield.stream.tree import CellTree
+from farfield.view.blockmaps import MapDraw
 from farfield.view.geometry import Batches
 from farfield.view.impostors import ImpostorMaker
-from farfield.view.kinds import PlacedInstance
-from farfield.world.index import CellEntry, GeometryLevel
+from farfield.view.kinds import PlacedInstance, ShownForm
+from farfield.world.index import BLOCKMAP, CellEntry, GeometryLevel
 from farfield.world.keys import DynamicImpostor, geometry_key, mesh_key, texture_key
-from farfield.world.reach import form_values
+from farfield.world.reach import form_key, form_values
 from farfield.world.world import World
 
 _HINT = "run farfield verify"
@@ -42,6 +43,8 @@ class MergedPart:
 
     entry: CellEntry
     """Of the cell above, which has geometry of its own."""
+    form: GeometryLevel
+    """By which it stands in."""
     cell: CellKey
     """To which that is clipped."""
     moved: NDArray[np.float64]
@@ -60,25 +63,34 @@ class NearGeometry:
         """Mesh, board with an image, or merged geometry, by its key, and the number of its first material."""
         self.bytes = 0
         """Encoded size of everything read so far."""
+        self.maps: list[MapDraw] = []
+        """BlockMaps that are to be drawn, too."""
 
-    def draw(self, entries: Iterable[CellEntry], batches: Batches, held: Collection[str] | None = None) -> int:
-        """Draws leaves and cells above by the finest form that can be read; returns how many have none.
+    def draw(self, shown: Iterable[ShownForm], batches: Batches, held: Collection[str] | None = None) -> int:
+        """Draws leaves and cells above by the form that is chosen, or else the finest that can be read.
 
-        held: keys of what may be drawn; None: all.
+        held: keys of what may be drawn; None: all. Returns how many have none.
         """
-        drawn = [self._draws(e, held, partial(self._draw_leaf, e, batches)) for e in entries if e.geometry is not None]
+        drawn = [
+            self._draws(one, held, partial(self._draw_leaf, one.entry, batches)) for one in shown if one.entry.geometry
+        ]
         batches.flush()
         return drawn.count(False)
 
     def draw_merged(self, parts: Iterable[MergedPart], batches: Batches, held: Collection[str] | None = None) -> int:
-        """Draws what stands in, each by the finest form that can be read; returns how many have none."""
-        drawn = [self._draws(part.entry, held, partial(self._draw_part, part, batches)) for part in parts]
+        """Draws what stands in, each by its form or else the finest that can be read; returns how many have none."""
+        drawn = [
+            self._draws(ShownForm(part.entry, part.form), held, partial(self._draw_part, part, batches))
+            for part in parts
+        ]
         batches.flush()
         return drawn.count(False)
 
-    def _draws(self, entry: CellEntry, held: Collection[str] | None, draw: Callable[[GeometryLevel], None]) -> bool:
-        """Whether a form of a cell could be drawn: the finest that may be and can be read."""
-        for form in entry.geometry.forms if entry.geometry else ():
+    def _draws(self, shown: ShownForm, held: Collection[str] | None, draw: Callable[[GeometryLevel], None]) -> bool:
+        """Whether a form of a cell could be drawn: the one that is chosen, or the finest that may be and can be read."""
+        entry = shown.entry
+        forms = entry.geometry.forms if entry.geometry else ()
+        for form in (*((shown.form,) if shown.form else ()), *forms):
             if is_held(entry.cell, form, held):
                 with suppress(CorruptTileError):
                     draw(form)
@@ -86,7 +98,10 @@ class NearGeometry:
         return False
 
     def _draw_part(self, part: MergedPart, batches: Batches, form: GeometryLevel) -> None:
-        key = geometry_key(part.entry.cell, form.hash)
+        key = form_key(part.entry.cell, form)
+        if form.kind == BLOCKMAP:
+            self.maps.append(MapDraw(part.entry.cell, key, self._world.grid.bounds(part.cell), part.moved))
+            return
         if key not in self._meshes:
             read = read_leaf_glb(self._read(key), key, self._texture).mesh
             if read is None:
@@ -127,7 +142,10 @@ class NearGeometry:
             self._draw_instances(placed, entry.cell, self._world.grid.bounds(entry.cell)[0], batches)
 
     def _draw_leaf(self, entry: CellEntry, batches: Batches, geometry: GeometryLevel) -> None:
-        key = geometry_key(entry.cell, geometry.hash)
+        key = form_key(entry.cell, geometry)
+        if geometry.kind == BLOCKMAP:
+            self.maps.append(MapDraw(entry.cell, key))
+            return
         found = read_leaf_glb(self._read(key), key, self._texture)
         corner = self._world.grid.bounds(entry.cell)[0]
         for placed in found.placed:

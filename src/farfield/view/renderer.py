@@ -16,16 +16,18 @@ from farfield.geometry.frustum import Frustum
 from farfield.octree.cut import Cut, cut, near_radius, view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.view.blockmaps import BlockMapPass, MapDraw
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
-from farfield.view.kinds import Kinds, PlacedInstance
+from farfield.view.kinds import Kinds, PlacedInstance, ShownForm
 from farfield.view.near import MergedPart, NearGeometry, is_held
 from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.splats import Splats
 from farfield.view.tiles import Place, TileCache, Wanted, places_of
-from farfield.world.index import CellEntry
+from farfield.world.index import BLOCKMAP, CellEntry
 from farfield.world.keys import orthoview_key
+from farfield.world.reach import form_key
 from farfield.world.world import World
 
 DEFAULT_LEAST_GAIN = 10.0
@@ -87,6 +89,7 @@ def render_world(
     afar = drawing.draw_pictures(shown.pictures)
     if not options.far_only:
         drawing.draw_geometry(shown.geometry, afar)
+    drawing.draw_maps()
     statistics = replace(drawing.statistics(), seconds=time.perf_counter() - begun)
     return replace(drawing.frame.develop(options.light), statistics=statistics)
 
@@ -150,6 +153,8 @@ class _Drawing:
         """Of cells that are not there whole."""
         self._merged: list[MergedPart] = []
         """What cells above stand in by."""
+        self._maps: list[MapDraw] = []
+        """What has no pictures but a BlockMap, and what stands in by one."""
         self._cells = self._orthoviews = self._splats = self._triangles = self._bytes = 0
 
     def statistics(self) -> Statistics:
@@ -158,7 +163,7 @@ class _Drawing:
             0.0, self._cells, self._orthoviews, self._splats, self._triangles, self._bytes, self.unreadable
         )
 
-    def draw_pictures(self, keys: Iterable[CellKey], are_placed: bool = False) -> list[CellEntry]:
+    def draw_pictures(self, keys: Iterable[CellKey], are_placed: bool = False) -> list[ShownForm]:
         """Draws cells from their orthoviews, the nearest first; returns what is geometry in their place.
 
         are_placed: whether the instances in them are drawn already.
@@ -167,6 +172,10 @@ class _Drawing:
         for entry in self._seen(keys):
             if shown_by := self._geometry_of(entry):
                 geometry += shown_by
+                continue
+            if not entry.tiles:
+                if not self._draw_map(entry):
+                    self._stand_in(entry.cell)
                 continue
             cell = self._wanted(entry)
             held = self._held(cell)
@@ -192,7 +201,23 @@ class _Drawing:
                 self._splat(cell, layers, None)
         return geometry
 
-    def _geometry_of(self, entry: CellEntry) -> list[CellEntry]:
+    def _draw_map(self, entry: CellEntry, box: NDArray[np.float64] | None = None) -> bool:
+        """Whether a cell without pictures has a BlockMap that may be drawn. box: to which it is cut."""
+        form = entry.geometry.blockmap if entry.geometry else None
+        if form is None or not is_held(entry.cell, form, self._options.held):
+            return False
+        self._maps.append(MapDraw(entry.cell, form_key(entry.cell, form), box))
+        return True
+
+    def draw_maps(self) -> None:
+        """Casts the BlockMaps that all that was drawn before is to be seen with."""
+        casting = BlockMapPass(self._world, self.frame, self._options.light)
+        drawn, unreadable = casting.draw(self._maps)
+        self._cells += drawn
+        self.unreadable += unreadable
+        self._bytes += casting.bytes
+
+    def _geometry_of(self, entry: CellEntry) -> list[ShownForm]:
         if self._kinds is None or self._options.held is None:
             return []
         return self._kinds.geometry_of(entry.cell, self._options.held)
@@ -209,14 +234,15 @@ class _Drawing:
             held = self._options.held
             self._instances += self._kinds.instances_of(entry.cell, held, is_near, leaves, pictured, into)
 
-    def _place_beside_merged(self, there: Iterable[CellEntry], geometry: Iterable[CellEntry]) -> None:
+    def _place_beside_merged(self, there: Iterable[CellEntry], geometry: Iterable[ShownForm]) -> None:
         """Places what stands in cells that are there and reaches into merged geometry, which does not show it."""
-        merged = [self._world.grid.bounds(entry.cell).ravel() for entry in geometry if entry.cell.level > 0]
+        above = [shown.entry.cell for shown in geometry if lacks_instances(shown)]
+        merged = [self._world.grid.bounds(cell).ravel() for cell in above]
         if merged:
             for entry in there:
                 self._place(entry, is_near=False, into=np.array(merged))
 
-    def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[CellEntry]) -> None:
+    def draw_geometry(self, leaves: Iterable[CellKey], afar: Iterable[ShownForm]) -> None:
         """Draws leaves as triangles, in front of or behind what is there; from pictures when they have no geometry.
 
         afar: others that have, and cells above.
@@ -224,25 +250,29 @@ class _Drawing:
         entries = self._seen(leaves)
         afar = list(afar)
         without = [entry for entry in entries if not self._has_geometry(entry)]
-        drawn = {e.cell for e in (*entries, *afar) if e.cell.level == 0 and self._has_geometry(e)}
+        shown = (*entries, *(one.entry for one in afar))
+        drawn = {e.cell for e in shown if e.cell.level == 0 and self._has_geometry(e)}
         for entry in without:
             self._place(entry, is_near=True, pictured=True)
-        for entry in afar:
-            if entry.cell.level > 0:
-                self._place(entry, is_near=False)
+        for one in afar:
+            if lacks_instances(one):
+                self._place(one.entry, is_near=False)
         for cell in drawn:
             # What reaches out of the leaves that are drawn would be cut off there.
             self._place(self._world.entry(cell), is_near=True, leaves=drawn)
         self.draw_pictures((entry.cell for entry in without), are_placed=True)
-        entries = [entry for entry in entries if self._has_geometry(entry)] + self._seen(e.cell for e in afar)
+        seen = {entry.key for entry in self._seen(one.entry.cell for one in afar)}
+        near = [ShownForm(entry) for entry in entries if self._has_geometry(entry)]
+        near += [one for one in afar if one.entry.key in seen]
         reader = NearGeometry(self._world, self._eye)
         drawing = GeometryPass(self.frame, self._options.light)
         batches = Batches(drawing)
         self.unreadable += reader.draw_instances(self._instances, batches)
-        self.unreadable += reader.draw(entries, batches, self._options.held)
+        self.unreadable += reader.draw(near, batches, self._options.held)
         self.unreadable += reader.draw_merged(self._merged, batches, self._options.held)
         self._triangles += drawing.triangles
         self._bytes += reader.bytes
+        self._maps += reader.maps
 
     def _seen(self, keys: Iterable[CellKey]) -> list[CellEntry]:
         entries = []
@@ -290,9 +320,15 @@ class _Drawing:
         while key.level < world.grid.top_level:
             key = world.grid.parent(key)
             moved = away * world.grid.pitch(key.level)
-            if self._kinds is not None and self._options.held and self._kinds.stands_in(key, self._options.held):
-                self._merged.append(MergedPart(world.entry(key), cell, moved if behind else 0 * moved))
+            held_keys = self._options.held
+            form = self._kinds.stands_in(key, held_keys) if self._kinds is not None and held_keys else None
+            if form is not None:
+                self._merged.append(MergedPart(world.entry(key), form, cell, moved if behind else 0 * moved))
                 return
+            if not world.entry(key).tiles:
+                if self._draw_map(world.entry(key), box):
+                    return
+                continue
             try:
                 whole = self._wanted(world.entry(key))
                 held = self._held(whole)
@@ -331,6 +367,11 @@ class _Drawing:
             self._bytes += sizes[place]
         self._cells += 1
         self._orthoviews += len({d for d, _ in cell.places})
+
+
+def lacks_instances(shown: ShownForm) -> bool:
+    """Whether what is listed of a cell below is not shown: by merged geometry of a cell above."""
+    return shown.entry.cell.level > 0 and (shown.form is None or shown.form.kind != BLOCKMAP)
 
 
 def chosen_tiles(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> tuple[Place, ...]:
