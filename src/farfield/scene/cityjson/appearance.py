@@ -112,7 +112,7 @@ def report(images: Images, where: str, faults: Counter[str]) -> list[str]:
         lines.append(f"{where}: {count:,} {noun} texture coordinates that do not exist, and default colours")
     if count := faults.pop("transparent", 0):
         noun = "surface" if count == 1 else "surfaces"
-        lines.append(f"{where}: left out {count:,} {noun} that are more than half transparent")
+        lines.append(f"{where}: left out {count:,} {noun} more than half transparent")
     return lines
 
 

@@ -102,7 +102,7 @@ class _Looks:
         normal = self.triangles.normal
         upright = (np.abs(normal[:, 2]) <= STEEPEST) & normal.any(1)
         wall = (faces.family == Family.BUILDING) & (role == Role.WALL)
-        return wall & bare & upright & ~real[faces.owner] & self.chunk.facades
+        return np.asarray(wall & bare & upright & ~real[faces.owner] & self.chunk.facades)
 
     def _colors(
         self, role: NDArray[np.uint8], variant: NDArray[np.int64], windowed: NDArray[np.bool_]

@@ -105,12 +105,12 @@ class _Reading:
                 if entry.get("type") in ("MultiPoint", "MultiLineString"):
                     self._faults["shape of points or lines"] += 1
                 elif not drawable(entry, self._header.templates):
-                    self._faults["shape that is damaged"] += 1
+                    self._faults["shape that cannot be read"] += 1
 
     def _place(self, geometry: dict[str, Any], owner: int, family: Family) -> None:
         one = placed(geometry, owner, family, self._gatherer.points)
         if one is None:
-            self._faults["shape that is damaged"] += 1
+            self._faults["shape that cannot be read"] += 1
         else:
             self._placed.append(one)
 

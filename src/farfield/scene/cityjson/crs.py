@@ -23,7 +23,6 @@ _HORIZONTAL = {
     "EPSG:5972": "EPSG:25832",
     "EPSG:5973": "EPSG:25833",
     "EPSG:6190": "EPSG:31370",
-    "EPSG:8360": "EPSG:5514",
 }
 """Compound systems that are met often → their horizontal part, so that these need no pyproj."""
 

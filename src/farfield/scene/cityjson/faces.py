@@ -56,7 +56,12 @@ class Faces:
             corner.reshape(-1).astype(np.int64),
             starts_of(np.diff(self.ring_start)[rings]),
             starts_of(np.diff(self.face_start)[rows]),
-            *(each[rows] for each in (self.owner, self.family, self.role, self.single, self.image, self.color)),
+            self.owner[rows],
+            self.family[rows],
+            self.role[rows],
+            self.single[rows],
+            self.image[rows],
+            self.color[rows],
             self.uv[corners] if len(self.uv) else self.uv,
         )
 
@@ -66,13 +71,17 @@ class Faces:
         points = starts_of(np.array([len(part.points) for part in parts]))
         textured = any(len(part.uv) for part in parts)
         uvs = [part.uv if len(part.uv) else np.zeros((len(part.corner) * textured, 2), np.float32) for part in parts]
-        names = ("owner", "family", "role", "single", "image", "color")
         return cls(
             np.concatenate([part.points for part in parts]),
             np.concatenate([part.corner + first for part, first in zip(parts, points[:-1], strict=True)]),
             starts_of(np.concatenate([np.diff(part.ring_start) for part in parts])),
             starts_of(np.concatenate([np.diff(part.face_start) for part in parts])),
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in names),
+            np.concatenate([part.owner for part in parts]),
+            np.concatenate([part.family for part in parts]),
+            np.concatenate([part.role for part in parts]),
+            np.concatenate([part.single for part in parts]),
+            np.concatenate([part.image for part in parts]),
+            np.concatenate([part.color for part in parts]),
             np.concatenate(uvs),
         )
 

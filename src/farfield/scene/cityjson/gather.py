@@ -22,6 +22,8 @@ class Gatherer:
     def __init__(self, faults: Counter[str]) -> None:
         self._faults = faults
         self._points: list[NDArray[np.float64]] = []
+        self._usable: NDArray[np.bool_] = np.empty(0, bool)
+        self._all_usable = True
         self._before = 0
         self._corners = array("q")
         self._rings = array("q")
@@ -39,7 +41,7 @@ class Gatherer:
         """(n, 3): what the corners of the geometries that follow are among; NaN where unusable."""
         self._before += len(self._points[-1]) if self._points else 0
         self._points.append(points)
-        self._usable = ~np.isnan(points).any(1)
+        self._usable = np.asarray(np.isfinite(points).all(axis=1))
         self._all_usable = bool(self._usable.all())
 
     @property
@@ -86,7 +88,7 @@ class Gatherer:
             first = given[0][0] if type(given[0]) is list and given[0] else None
             self._faults["texture"] += first is not None
             return -1
-        image = looks.images[given[0][0]]
+        image: int = looks.images[given[0][0]]
         if image >= 0:
             self._uv.frombytes(uvs.tobytes())
             self._uv_at.extend(range(len(self._corners), len(self._corners) + len(uvs)))

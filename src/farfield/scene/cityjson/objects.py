@@ -31,7 +31,7 @@ class Group:
 def groups_of(objects: dict[str, Any], faults: Counter[str]) -> list[Group]:
     """In the order of the file; objects in a circle of parents are left out and counted."""
     known = {name: entry for name, entry in objects.items() if isinstance(entry, dict)}
-    faults["object that is damaged"] += len(objects) - len(known)
+    faults["object that cannot be read"] += len(objects) - len(known)
     parent = _parents(known)
     top: dict[str, str | None] = {}
     members: dict[str, list[dict[str, Any]]] = {}

@@ -79,7 +79,7 @@ def default_colors(
 
 def _pitched(seed: NDArray[np.uint32]) -> NDArray[np.float64]:
     kind = (seed >> np.uint32(4)) % np.uint32(len(_PITCHED))
-    return np.floor(_PITCHED[kind] * (0.88 + 0.2 * _share(seed, 11))[:, None] + 0.5)
+    return np.asarray(np.floor(_PITCHED[kind] * (0.88 + 0.2 * _share(seed, 11))[:, None] + 0.5))
 
 
 def _share(seed: NDArray[np.uint32], shift: int) -> NDArray[np.float64]:
