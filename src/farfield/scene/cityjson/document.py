@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -55,21 +55,25 @@ def open_documents(path: Path, faults: Counter[str]) -> tuple[Header, Iterator[D
 
     Lines of a sequence that cannot be read are counted in `faults`. Raises InputError.
     """
-    file = path.open("rb")
     where = str(path)
-    first = _parsed(line := file.readline())
-    if first is None:
-        with file:
-            first = _whole(line + file.read(), where)
-            return _header(first, where), iter([_document(first, _header(first, where))])
+    with path.open("rb") as file:
+        line = file.readline()
+        first = _parsed(line)
+        if first is None:
+            whole = _whole(line + file.read(), where)
+            header = _header(whole, where)
+            return header, iter([_document(whole, header)])
     header = _header(first, where)
-    return header, _sequence(file, first, header, faults)
+    return header, _sequence(path, len(line), first, header, faults)
 
 
-def _sequence(file: IO[bytes], first: dict[str, Any], header: Header, faults: Counter[str]) -> Iterator[Document]:
-    with file:
-        if mapping(first.get("CityObjects")):
-            yield _document(first, header)
+def _sequence(
+    path: Path, begin: int, first: dict[str, Any], header: Header, faults: Counter[str]
+) -> Iterator[Document]:
+    if mapping(first.get("CityObjects")):
+        yield _document(first, header)
+    with path.open("rb") as file:
+        file.seek(begin)
         for line in file:
             if not line.strip():
                 continue
