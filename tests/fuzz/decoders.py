@@ -355,7 +355,7 @@ def _piece_texture() -> Decoder:
 
 DECODERS: tuple[Callable[[], Decoder], ...] = (
     _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _archive, _archive_header, _leaf, _mesh, _texture,
-    scene_decoders.footprints, scene_decoders.scene_note, scene_decoders.attributes,
+    scene_decoders.footprints, scene_decoders.city, scene_decoders.scene_note, scene_decoders.attributes,
     _piece, _piece_texture,
 )  # fmt: skip
 

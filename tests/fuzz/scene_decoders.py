@@ -11,11 +11,14 @@ import numpy as np
 from farfield.bake.numbering import object_ids
 from farfield.errors import InputError
 from farfield.octree.grid import Grid
+from farfield.scene.cityjson.chunk import CityChunk
+from farfield.scene.cityjson.faces import Faces
 from farfield.scene.footprints.features import Features, chunk_at
 from farfield.scene.footprints.order import Square
 from farfield.scene.footprints.rings import Rings
 from farfield.scene.model import Instances, Scene
 from farfield.scene.procedural.ground import GroundPlane
+from farfield.scene.stored.cities import StoredCity, decode_city, encode_city
 from farfield.scene.stored.footprints import StoredFootprints, decode_features, encode_features
 from farfield.scene.stored.scene import KEY, MeshSummary, StoredScene, decode_scene, write_scene
 from farfield.store.memory import MemoryStore
@@ -61,6 +64,30 @@ def _use_features(features: Features) -> None:
     assert np.isfinite(mesh.positions).all()
     assert mesh.triangles.max(initial=0) < max(len(mesh.positions), 1)
     assert len(features.boxes) == len(features)
+
+
+def city() -> Decoder:
+    """City objects: a face with a hole and a plain one, of two objects."""
+    points = (
+        np.array([(0.0, 0, 0), (9, 0, 0), (9, 7, 0), (0, 7, 0), (2, 2, 0), (2, 4, 0), (5, 4, 0), (9, 7, 5)]) - 7000.3
+    )
+    faces = Faces(
+        points,
+        *(np.array(rows) for rows in ([0, 1, 2, 3, 4, 5, 6, 1, 2, 7], [0, 4, 7, 10], [0, 2, 3], [0, 1])),
+        np.array([1, 5], np.uint8), np.array([0, 2], np.uint8), np.array([True, False]), np.array([-1, -1], np.int32),
+        np.zeros((2, 4), np.uint8), np.zeros((10, 2), np.float32),
+    )  # fmt: skip
+    chunk = CityChunk("", faces, np.arange(2, dtype=np.uint32), np.array([1.0, 5.0]), (), True)
+    stored = StoredCity(MemoryStore(), "", "", (), True)
+    shells = (BARE, LISTING, ARRAYS, ARRAYS)
+    return Decoder("city", lambda data: decode_city(data, stored), (encode_city(chunk),), shells, _bound, _use_city)
+
+
+def _use_city(chunk: CityChunk) -> None:
+    """Triangulated, as a bake does."""
+    mesh = chunk.load()
+    assert np.isfinite(mesh.positions).all()
+    assert mesh.triangles.max(initial=0) < max(len(mesh.positions), 1)
 
 
 def scene_note() -> Decoder:

@@ -47,7 +47,7 @@ def test_missing_folder_and_unknown_extension(tmp_path: Path) -> None:
     )
     (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX")
     assert error_line(tmp_path / "a.fbx") == (
-        "a.fbx: .fbx is not a format that is read (one of .glb .gltf .obj .ply .stl .geojson .json .gpkg .fgb "
+        "a.fbx: .fbx is not a format that is read (one of .glb .gltf .obj .ply .stl .geojson .json .jsonl .gpkg .fgb "
         ".parquet .geoparquet .toml)"
     )
 

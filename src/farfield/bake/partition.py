@@ -1,6 +1,6 @@
 """The scene sorted on disk: what of it is in memory alone, or too large for it, becomes values of the world's store.
 
-Footprints by square, large meshes in pieces, attributes by instance (OV 4.1, out of core).
+Footprints and city objects by square, large meshes in pieces, attributes by instance (OV 4.1, out of core).
 """
 
 from __future__ import annotations
@@ -17,9 +17,11 @@ import numpy as np
 from farfield.bake.survey import CACHE_BYTES
 from farfield.errors import InputError, MissingKeyError
 from farfield.progress import Progress
+from farfield.scene.cityjson.chunk import CityChunk
 from farfield.scene.faults import counted
 from farfield.scene.footprints.features import FootprintChunk
 from farfield.scene.model import Instances, MeshSource, Scene
+from farfield.scene.stored.cities import StoredCity
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.piece import StoredPiece
 from farfield.scene.stored.pieces import PIECE_TRIANGLES, holds, write_pieces
@@ -43,7 +45,7 @@ _VERSION = 1
 
 
 def partition(scene: Scene, store: Store, progress: Progress) -> Scene:
-    """The same scene, its footprints, attributes and large meshes in the store.
+    """The same scene, its footprints, city objects, attributes and large meshes in the store.
 
     To be called within `store.writing`. Raises InputError when no mesh can be read, and StoreError.
     """
@@ -51,25 +53,30 @@ def partition(scene: Scene, store: Store, progress: Progress) -> Scene:
     kept = any(isinstance(source, StoredPiece) for source in scene.meshes)
     scene = split_large(scene, store, progress, prune=not kept)
     with ThreadPoolExecutor(WRITERS) as pool:
-        meshes = _stored_footprints(scene.meshes, store, pool, progress)
+        meshes = _stored_chunks(scene.meshes, store, pool, progress)
         parts = scene.attribute_parts or _attribute_parts(scene, store, pool)
     return replace(scene, meshes=meshes, attributes={}, attribute_parts=parts)
 
 
-def _stored_footprints(
+def _stored_chunks(
     sources: Sequence[MeshSource], store: Store, pool: ThreadPoolExecutor, progress: Progress
 ) -> tuple[MeshSource, ...]:
-    chunks = [source for source in sources if isinstance(source, FootprintChunk)]
+    chunks = [source for source in sources if isinstance(source, FootprintChunk | CityChunk)]
     if not chunks:
         return tuple(sources)
-    progress.start(len(chunks), "squares of footprints stored")
+    named = "squares of footprints" if all(isinstance(chunk, FootprintChunk) for chunk in chunks) else "parts of cities"
+    progress.start(len(chunks), f"{named} stored")
     stored = []
-    for one in pool.map(StoredFootprints.of, chunks, repeat(store)):
+    for one in pool.map(_stored, chunks, repeat(store)):
         stored.append(one)
         progress.advance()
     progress.finish()
     following = iter(stored)
-    return tuple(next(following) if isinstance(source, FootprintChunk) else source for source in sources)
+    return tuple(next(following) if isinstance(source, FootprintChunk | CityChunk) else source for source in sources)
+
+
+def _stored(chunk: FootprintChunk | CityChunk, store: Store) -> MeshSource:
+    return StoredCity.of(chunk, store) if isinstance(chunk, CityChunk) else StoredFootprints.of(chunk, store)
 
 
 def _attribute_parts(scene: Scene, store: Store, pool: ThreadPoolExecutor) -> tuple[str, ...]:

@@ -47,6 +47,7 @@ class SourceTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True)
     default_height: float | None = None
     layer: str | None = None
     facades: bool | None = None
+    lod: float | None = None
 
 
 class GroundTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True):
@@ -125,7 +126,7 @@ def _in_words(message: str) -> str:
 def _source(entry: SourceTable, table: SceneTable, path: Path, options: ReadOptions) -> Scene:
     given = {
         name: value
-        for name in ("up", "height_attribute", "base_attribute", "default_height", "layer", "facades")
+        for name in ("up", "height_attribute", "base_attribute", "default_height", "layer", "facades", "lod")
         if (value := getattr(entry, name)) is not None
     }
     scene = read_source(path.parent / entry.path, replace(options, **given))

@@ -34,13 +34,15 @@ class ReadOptions:
     layer: str | None = None
     """Footprints: the layer of a GeoPackage; None: the first."""
     facades: bool = True
-    """Footprints: windowed walls; False: plain colours."""
+    """Footprints and CityJSON: windowed walls; False: plain colours."""
+    lod: float | None = None
+    """CityJSON: of each object the highest level of detail that is not above it; None: the highest."""
     region: Region | None = None
     """Footprints: only those whose middle lies in it; None: all."""
     buildings_per_mesh: int | None = None
     """Footprints: a file is split by place into meshes of at most about this many; None: the usual number."""
     crs: str | None = None
-    """Footprints in another coordinate reference system are brought to this one; None: they keep theirs."""
+    """Footprints and CityJSON of another coordinate reference system are brought to it; None: they keep theirs."""
     origin: tuple[float, float, float] | None = None
     """Local zero of everything with a CRS, unless the only source is a scene.toml that tells one; None: it follows
     from what is read."""

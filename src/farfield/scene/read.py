@@ -13,7 +13,7 @@ from farfield.scene.assembly import place
 from farfield.scene.faults import existing_file, reading
 from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions
-from farfield.scene.sniff import expect
+from farfield.scene.sniff import expect, holds_city
 
 _Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0]])
 _Z_TO_Y = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0]])
@@ -48,7 +48,7 @@ def read_scene(sources: Sequence[Path | str], options: ReadOptions | None = None
 def _name_of(source: Path) -> str:
     """The file's name; of a scene.toml that of its folder."""
     source = source.resolve()
-    return source.parent.name if source.name == "scene.toml" else source.stem
+    return source.parent.name if source.name == "scene.toml" else source.stem.removesuffix(".city")
 
 
 def read_source(path: Path, options: ReadOptions) -> Scene:
@@ -123,6 +123,16 @@ def _footprints(path: Path, options: ReadOptions) -> Scene:
     return read_footprints(path, options)
 
 
+def _cityjson(path: Path, options: ReadOptions) -> Scene:
+    from farfield.scene.cityjson import read_cityjson
+
+    return read_cityjson(path, options)
+
+
+def _json(path: Path, options: ReadOptions) -> Scene:
+    return _cityjson(path, options) if holds_city(path) else _footprints(path, options)
+
+
 _Reader = Callable[[Path, ReadOptions], Scene]
 _READERS: dict[str, tuple[tuple[str, ...], str, _Reader]] = {
     ".glb": (("GLB",), "y", _gltf),
@@ -131,7 +141,8 @@ _READERS: dict[str, tuple[tuple[str, ...], str, _Reader]] = {
     ".ply": (("PLY",), "z", _ply),
     ".stl": (("STL",), "z", _stl),
     ".geojson": (("GeoJSON",), "", _footprints),
-    ".json": (("GeoJSON",), "", _footprints),
+    ".json": (("GeoJSON", "CityJSON"), "", _json),
+    ".jsonl": (("CityJSON",), "", _cityjson),
     ".gpkg": (("GeoPackage",), "", _footprints),
     ".fgb": (("FlatGeobuf",), "", _footprints),
     ".parquet": (("Parquet",), "", _footprints),

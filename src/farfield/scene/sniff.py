@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from pathlib import Path
 
 from farfield.errors import InputError
@@ -30,7 +31,8 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
 )
 
 _EXTENSION = {"GLB": ".glb", "glTF": ".gltf", "PLY": ".ply", "OBJ": ".obj", "STL": ".stl", "FlatGeobuf": ".fgb",
-              "GeoPackage": ".gpkg", "Parquet": ".parquet", "GeoJSON": ".geojson"}  # fmt: skip
+              "GeoPackage": ".gpkg", "Parquet": ".parquet", "GeoJSON": ".geojson",
+              "CityJSON": ".city.json"}  # fmt: skip
 
 _SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX"}
 
@@ -63,12 +65,20 @@ def expect(path: Path, *kinds: str) -> None:
     raise InputError(f"is {article} {noun}, not {' or '.join(kinds)}", str(path), hint)
 
 
+def holds_city(path: Path) -> bool:
+    """Whether a JSON file is CityJSON, wherever in it that is said. Raises OSError."""
+    if (kind := file_kind(path)) or path.stat().st_size == 0:
+        return kind == "CityJSON"
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        return text.find(b'"CityObjects"') >= 0
+
+
 def _json_kind(text: bytes) -> str:
     compact = b"".join(text.split())
+    if b'"type":"CityJSON' in compact or b'"CityObjects"' in compact:
+        return "CityJSON"
     if b'"type":"FeatureCollection"' in compact or b'"type":"Feature"' in compact:
         return "GeoJSON"
-    if b'"type":"CityJSON' in compact:
-        return "CityJSON"
     return "glTF" if b'"asset"' in compact else ""
 
 

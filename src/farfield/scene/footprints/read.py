@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from farfield.errors import InputError
 from farfield.scene.assembly import scene_of
 from farfield.scene.faults import EXPORT_AGAIN, counted
 from farfield.scene.footprints import order
+from farfield.scene.footprints.facades import content_seeds
 from farfield.scene.footprints.features import Features, by_place, centres_of, chunk_at
 from farfield.scene.footprints.heights import heights_of, named_column, numbers
 from farfield.scene.footprints.ogr import read_ogr, read_ogr_column
@@ -107,17 +107,3 @@ def _features(
     rows = outlines.row[features]
     seeds = content_seeds(centres_of(outlines.box[features]), height[rows])
     return Features(outlines.rings.of_features(features), base[rows], base[rows] + height[rows], seeds)
-
-
-def content_seeds(centres: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.uint32]:
-    """(n,) uint32 from a building's place and height to 0.1 m: its looks do not depend on its neighbours or order."""
-    with np.errstate(over="ignore"):
-        mixed = _decimetres(centres[:, 0])
-        for part in (_decimetres(centres[:, 1]), _decimetres(height)):
-            mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9) + part
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return (mixed >> np.uint64(32)).astype(np.uint32)
-
-
-def _decimetres(metres: NDArray[Any]) -> NDArray[np.uint64]:
-    return np.round(metres * 10).astype(np.int64).astype(np.uint64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +38,7 @@ def in_metres(
         return table.crs, None
     if not load_pyproj(where).CRS.from_user_input(table.crs).is_geographic:
         return table.crs, None
-    zone = _utm_zone((bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2)
+    zone = utm_zone((bounds[0] + bounds[2]) / 2, (bounds[1] + bounds[3]) / 2)
     warnings.append(f"{where}: reprojected from degrees ({table.crs[:30]}) to the local UTM zone, {zone}")
     return zone, _projection(table.crs, zone, where)
 
@@ -57,7 +56,8 @@ def _bounds_in_degrees(table: FeatureTable) -> NDArray[np.float64] | None:
     return bounds if np.isfinite(bounds).all() else None
 
 
-def _utm_zone(longitude: float, latitude: float) -> str:
+def utm_zone(longitude: float, latitude: float) -> str:
+    """Authority code of the zone of WGS 84 that a place is in."""
     zone = int(np.floor((longitude + 180) / 6)) % 60 + 1
     return f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
 
@@ -65,13 +65,22 @@ def _utm_zone(longitude: float, latitude: float) -> str:
 def _projection(source: str, target: str, where: str) -> Projection:
     import shapely
 
+    project = points_projection(source, target, where)
+    return lambda shapes: shapely.transform(shapes, project)
+
+
+def points_projection(source: str, target: str, where: str) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """(n, 2) points x, y (or longitude, latitude) of one coordinate reference system to the same in another.
+
+    Raises InputError and MissingExtraError.
+    """
     pyproj = load_pyproj(where)
     try:
         transformer = pyproj.Transformer.from_crs(source, target, always_xy=True)
     except pyproj.exceptions.CRSError as error:
         raise InputError(f"cannot be brought to {target}", where, "give an authority code such as EPSG:6677") from error
 
-    def project(points: NDArray[np.float64]) -> NDArray[Any]:
+    def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.stack(transformer.transform(points[:, 0], points[:, 1]), -1)
 
-    return lambda shapes: shapely.transform(shapes, project)
+    return project

@@ -24,12 +24,12 @@ class Rings:
     def of_features(self, features: NDArray[np.int64]) -> Rings:
         """Copies of the rings of some features in the order given, numbered from 0."""
         first, last = np.searchsorted(self.polygon_feature, [features, features + 1])
-        polygons = _stretches(first, last)
+        polygons = stretches(first, last)
         low, high = self.polygon_start[polygons], self.polygon_start[polygons + 1]
-        rings = _stretches(low, high)
+        rings = stretches(low, high)
         start, end = self.ring_start[rings], self.ring_start[rings + 1]
         return Rings(
-            self.xy[_stretches(start, end)],
+            self.xy[stretches(start, end)],
             starts_of(end - start),
             starts_of(high - low),
             np.repeat(np.arange(len(features)), last - first),
@@ -100,7 +100,7 @@ def starts_of(sizes: NDArray[np.integer]) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
 
 
-def _stretches(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
+def stretches(first: NDArray[np.integer], last: NDArray[np.integer]) -> NDArray[np.int64]:
     """The numbers first[0] .. last[0] - 1, first[1] .. last[1] - 1, ..."""
     starts = starts_of(last - first)
     return np.arange(starts[-1]) + np.repeat(first - starts[:-1], last - first)

@@ -10,11 +10,13 @@ import msgspec
 from msgspec import Meta
 
 from farfield.errors import InputError
+from farfield.scene.cityjson.appearance import Image
 from farfield.scene.footprints.order import LEVELS
 from farfield.scene.gltf.container import open_document
 from farfield.scene.gltf.read import GltfMesh
 from farfield.scene.model import MeshSource
 from farfield.scene.procedural.ground import GroundPlane
+from farfield.scene.stored.cities import StoredCity
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.piece import StoredPiece
 from farfield.scene.surfaces.obj import parse_obj
@@ -36,6 +38,13 @@ class _Footprints(msgspec.Struct):
     level: Annotated[int, Meta(ge=0, le=LEVELS)]
     prefix: Annotated[int, Meta(ge=0, lt=1 << 2 * LEVELS)]
     count: Count
+    facades: bool
+
+
+class _City(msgspec.Struct):
+    chunk: Hash
+    name: str
+    images: tuple[tuple[str, int, int], ...]
     facades: bool
 
 
@@ -68,6 +77,10 @@ def words_of(source: MeshSource) -> Words | None:
         case StoredFootprints():
             names = ("chunk", "family", "level", "prefix", "count", "facades")
             return {"kind": "footprints", **{name: getattr(source, name) for name in names}}
+        case StoredCity():
+            images = [dataclasses.astuple(image) for image in source.images]
+            return {"kind": "city", "chunk": source.chunk, "name": source.name, "images": images,
+                    "facades": source.facades}  # fmt: skip
         case StoredPiece():
             return {"kind": "piece", "chunk": source.chunk, "name": source.name}
         case GltfMesh():
@@ -86,6 +99,9 @@ def source_of(words: Words, store: Store) -> MeshSource:
     kind = facts.pop("kind")
     if kind == "footprints":
         return StoredFootprints(store, **msgspec.to_builtins(msgspec.convert(facts, _Footprints)))
+    if kind == "city":
+        city = msgspec.convert(facts, _City)
+        return StoredCity(store, city.chunk, city.name, tuple(Image(*image) for image in city.images), city.facades)
     if kind == "piece":
         piece = msgspec.convert(facts, _Piece)
         return StoredPiece(store, piece.chunk, piece.name)
