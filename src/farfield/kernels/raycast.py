@@ -133,6 +133,10 @@ def cast_rays(  # type: ignore[no-untyped-def]
                         if side != IN_AIR or below:
                             hit = 1
                             break
+                        if t > 0.0:
+                            # It was in the air: by as little as it takes to tell, it is beyond the top.
+                            hit = 2
+                            break
                     elif then < 0.0:
                         t += (out - t) * above / (above - then)
                         hit = 2

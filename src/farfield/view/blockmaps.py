@@ -20,6 +20,8 @@ from farfield.world.keys import blockmap_objects_key
 from farfield.world.world import World
 
 _NEAR = 1e-3
+MARGIN = 64
+"""Parts of a texel's width that the box reaches beyond the lowest and the highest point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,8 @@ class CastableMap:
     distances: NDArray[np.uint8]
     thresholds: NDArray[np.float32]
     azimuths: NDArray[np.float32]
-    highest: float
-    """Metres from the cell's lower corner up to its highest point."""
+    span: tuple[float, float]
+    """Metres from the cell's lower corner up to where its box begins and ends."""
 
     @classmethod
     def of(cls, blockmap: BlockMap, extent: NDArray[np.float64]) -> CastableMap:
@@ -65,8 +67,8 @@ class CastableMap:
         for k, threshold in enumerate(thresholds):
             leaps(tops, threshold, distances[k])
         slopes = np.ascontiguousarray(np.concatenate([across, rise], axis=-1))
-        extent, highest = np.asarray(extent, np.float64), float(tops.max())
-        return cls(blockmap, extent, heights, slopes, distances, thresholds, blockmap.azimuths, highest)
+        extent, span = np.asarray(extent, np.float64), _span(blockmap.low, float(tops.max()), float(texel[0]))
+        return cls(blockmap, extent, heights, slopes, distances, thresholds, blockmap.azimuths, span)
 
 
 class BlockMapPass:
@@ -115,6 +117,11 @@ class BlockMapPass:
         return data
 
 
+def _span(low: float, highest: float, texel: float) -> tuple[float, float]:
+    """Metres between which rays are cast: rays that come in from above are above the tops, even where all is flat."""
+    return low - texel / MARGIN, highest + texel / MARGIN
+
+
 def leap_heights(tops: NDArray[np.float32]) -> NDArray[np.float32]:
     """(LEAPS,) heights that distances are told for: of the ground, of most buildings, of nearly all."""
     known = tops[np.isfinite(tops)]
@@ -135,8 +142,8 @@ def draw_blockmap(
     eye = np.array(camera.eye, np.float64)
     n = blockmap.size.side
     texel = np.array([*(castable.extent[:2] / n), 1.0])
-    lower, upper = np.zeros(3), np.array([*castable.extent[:2], castable.highest])
-    lower[2] = blockmap.low - 1e-3
+    lower, upper = np.zeros(3), np.array([*castable.extent[:2], 0.0])
+    lower[2], upper[2] = castable.span
     if box is not None:
         lower, upper = np.maximum(lower, box[0] - corner), np.minimum(upper, box[1] - corner)
     if (lower >= upper).any():
