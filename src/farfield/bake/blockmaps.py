@@ -6,13 +6,13 @@ They show all that is in a cell, instances too. Their errors are measured as tho
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from farfield.bake.cell import BakedCell, Record
 from farfield.bake.context import BakeContext
-from farfield.bake.likeness import FARTHER, FormErrors, PlacedMap, sights_of
+from farfield.bake.likeness import FARTHER, FormErrors, PlacedMap, map_loss, sights_of
 from farfield.octree.grid import CellKey
 from farfield.represent.blockmap.blockmap import BlockMap, BlockMapSize
 from farfield.represent.blockmap.build import Square, build_blockmap
@@ -21,79 +21,83 @@ from farfield.represent.blockmap.parent import ChildMap, build_parent
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
 from farfield.view.blockmaps import CastableMap
-from farfield.world.index import BLOCKMAP, Bounds, GeometryLevel
+from farfield.world.index import BlockMapEntry, Bounds
 from farfield.world.keys import blockmap_key, blockmap_objects_key, content_hash
 
 WEBP_QUALITY = {"compact": 60, "normal": 75, "high": 88}
 """Of colours, by preset: 75 takes two thirds of the bytes of 85 for .3 dB."""
-BOX = 12
-"""Triangles that a BlockMap is drawn by."""
 
 
 @dataclass(frozen=True, slots=True)
 class BakedMap:
     """What became of a cell's BlockMap."""
 
-    form: GeometryLevel | None
+    entry: BlockMapEntry | None = None
+    losses: tuple[int, ...] = ()
+    """See CellEntry.losses; told where there are no orthoviews."""
     input: str = ""
     """Hash of what it was made from."""
-    files: dict[str, bytes] | None = None
+    files: dict[str, bytes] = field(default_factory=dict)
     """It and its object ids by key, if they were made just now."""
 
+    @property
+    def hash(self) -> bytes:
+        """Of the BlockMap, or empty."""
+        return self.entry.hash.encode() if self.entry else b""
 
-NO_MAP = BakedMap(None)
+
+NO_MAP = BakedMap()
 
 
-def leaf_blockmap(context: BakeContext, key: CellKey, chunk: Chunk, materials: MaterialTable, bounds: Bounds) -> BakedMap:
+def leaf_blockmap(
+    context: BakeContext, key: CellKey, chunk: Chunk, materials: MaterialTable, bounds: Bounds
+) -> BakedMap:
     """Stores the BlockMap of a leaf. chunk: all that is in it, metres from its lower corner."""
     if not context.job.options.blockmap or materials.arrays.unlit[np.unique(chunk.materials)].any():
         return NO_MAP
-    size, grid = BlockMapSize.parse(context.job.options.blockmap), context.grid
-    made = build_blockmap(chunk, materials, _square(context, key), size)
+    made = build_blockmap(chunk, materials, _square(context, key), BlockMapSize.parse(context.job.options.blockmap))
     if made is None:
         return NO_MAP
-    # From where a pixel is as wide as one of the leaf's pictures, as errors of its forms are told.
-    sights = [replace(sight, share=1.0) for sight in sights_of(grid, key, bounds)]
-    return _stored(context, key, made, FormErrors.against(sights, chunk, materials, (0.0, 0.0)))
+    errors = FormErrors.against(sights_of(context.grid, key, bounds), chunk, materials, (0.0, 0.0))
+    return _stored(context, key, made, errors)[0]
 
 
 def parent_blockmap(
     context: BakeContext, key: CellKey, below: Sequence[BakedCell], bounds: Bounds, before: Record | None
 ) -> BakedMap:
     """Stores the BlockMap of a cell above; as it is noted where that was made from the same. below: its children."""
-    forms = [_form_of(cell) for cell in below]
-    if not context.job.options.blockmap or None in forms:
+    entries = [cell.record.entry.blockmap for cell in below]
+    if not context.job.options.blockmap or None in entries:
         return NO_MAP
-    named = (f"{cell.key} {form.hash} {form.errors}".encode() for cell, form in zip(below, forms, strict=True) if form)
+    named = (f"{cell.key} {one.hash} {one.errors}".encode() for cell, one in zip(below, entries, strict=True) if one)
     box = context.grid.bounds(key).tobytes()
     source = content_hash(context.job.signature.encode(), box, repr(bounds).encode(), *named)
-    if before is not None and before.blockmap == source and before.entry.geometry is not None:
-        return BakedMap(before.entry.geometry.blockmap, source)
-    maps = [_read(context, cell, form) for cell, form in zip(below, forms, strict=True) if form]
-    made = build_parent([_child(context, key, *one) for one in zip(below, maps, strict=True)], _square(context, key),
-                        _merges(context, key))  # fmt: skip
+    if before is not None and before.blockmap == source:
+        return BakedMap(before.entry.blockmap, before.entry.losses, source)
+    maps = [_read(context, cell, one) for cell, one in zip(below, entries, strict=True) if one]
+    children = [_child(context, key, *one) for one in zip(below, maps, strict=True)]
+    made = build_parent(children, _square(context, key), _merges(context, key))
     placed = [_placed(context, cell.key, one) for cell, one in zip(below, maps, strict=True)]
-    firsts, seconds = zip(*(_errors(cell, form) for cell, form in zip(below, forms, strict=True) if form), strict=True)
-    told = float(np.mean(firsts)), float(np.mean(seconds))
-    errors = FormErrors.against_maps(sights_of(context.grid, key, bounds), placed, told)
-    return replace(_stored(context, key, made, errors), input=source)
+    told = np.mean([_errors(one) for one in entries if one], axis=0).tolist()
+    sights = sights_of(context.grid, key, bounds)
+    stored, shown = _stored(context, key, made, FormErrors.against_maps(sights, placed, (told[0], told[1])))
+    losses: tuple[int, ...] = ()
+    if not context.job.options.orthoviews:
+        each = enumerate(zip(below, placed, strict=True))
+        losses = tuple(
+            map_loss(sights[n % len(sights)], shown, own, cell.key, cell.record.entry.bounds) for n, (cell, own) in each
+        )
+    return replace(stored, input=source, losses=losses)
 
 
-def _form_of(cell: BakedCell) -> GeometryLevel | None:
-    geometry = cell.record.entry.geometry
-    return geometry.blockmap if geometry else None
-
-
-def _errors(cell: BakedCell, form: GeometryLevel) -> tuple[float, float]:
+def _errors(entry: BlockMapEntry) -> tuple[float, float]:
     """A child's own, in the first view that errors of the cell above are told for, and in the second."""
-    first, second, *_ = (error / 255 for error in form.errors)
-    if cell.key.level == 0:
-        # Told from where a pixel is as wide as one of a leaf's: four times as far, and there.
-        return FARTHER**2 * first, first
+    first, second, *_ = (error / 255 for error in entry.errors)
     return FARTHER * first, (first + second) / 2
 
 
-def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErrors) -> BakedMap:
+def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErrors) -> tuple[BakedMap, PlacedMap]:
+    """What became of it, and it as it is stored."""
     data = encode_blockmap(made, WEBP_QUALITY[context.job.options.quality])
     name = content_hash(data)
     files = {blockmap_key(key, name): data}
@@ -101,25 +105,22 @@ def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErro
         files[blockmap_objects_key(key, name)] = encode_objects(made.objects)
     for one, value in files.items():
         context.store.put(one, value)
-    told = errors.of_map(_placed(context, key, decode_blockmap(data, blockmap_key(key, name))))
-    form = GeometryLevel(name, len(data), BOX, errors=told, drawn=BOX, kind=BLOCKMAP)
-    return BakedMap(form, files=files)
+    shown = _placed(context, key, decode_blockmap(data, blockmap_key(key, name)))
+    return BakedMap(BlockMapEntry(name, len(data), errors.of_map(shown)), files=files), shown
 
 
-def _read(context: BakeContext, cell: BakedCell, form: GeometryLevel) -> BlockMap:
+def _read(context: BakeContext, cell: BakedCell, entry: BlockMapEntry) -> BlockMap:
     """A child's, as it is stored."""
-    key = blockmap_key(cell.key, form.hash)
+    key = blockmap_key(cell.key, entry.hash)
     found = decode_blockmap(cell.file_from(context.store, key), key)
     if not context.job.options.object_ids:
         return found
-    ids = blockmap_objects_key(cell.key, form.hash)
+    ids = blockmap_objects_key(cell.key, entry.hash)
     return found.with_objects(decode_objects(cell.file_from(context.store, ids), ids))
 
 
 def _child(context: BakeContext, key: CellKey, cell: BakedCell, blockmap: BlockMap) -> ChildMap:
-    x, y, z = (
-        index & 1 if merge else 0 for index, merge in zip(cell.key[1:], _merges(context, key), strict=True)
-    )
+    x, y, z = (index & 1 if merge else 0 for index, merge in zip(cell.key[1:], _merges(context, key), strict=True))
     rise = z * float(context.grid.cell_size(cell.key.level)[2])
     return ChildMap(blockmap, (x, y, z), rise)
 

@@ -13,7 +13,7 @@ from farfield.store.contract import Store
 from farfield.world.index import CellEntry
 from farfield.world.keys import objects_key, orthoview_key, record_key
 from farfield.world.limits import DAMAGE, Count
-from farfield.world.reach import geometry_keys, meshes_of
+from farfield.world.reach import blockmap_keys, geometry_keys, meshes_of
 
 Tiles = dict[tuple[int, int], bytes]
 """(direction, layer) -> encoded tile."""
@@ -36,7 +36,7 @@ class Record(msgspec.Struct, frozen=True):
     merged: str = ""
     """Of a cell above the leaves: hash of what its geometry was made from; empty: it may have none."""
     blockmap: str = ""
-    """The same of its BlockMap."""
+    """The same of its BlockMap, of a leaf of what was in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,8 @@ class Tally:
             cells=1,
             orthoviews=sum(layer == 0 for _, layer, _ in entry.tiles),
             tiles=len(entry.tiles),
-            bytes=sum(size for _, _, size in entry.tiles) + sum(size for _, size in geometry_keys(entry)),
+            bytes=sum(size for _, _, size in entry.tiles)
+            + sum(size for _, size in (*geometry_keys(entry), *blockmap_keys(entry))),
             meshes=tuple(sorted(meshes_of(entry).items())),
             rebuilt=int(fresh),
         )

@@ -84,8 +84,7 @@ def merged_geometry(
     boxes = _boxes(below)
     source = content_hash(context.job.signature.encode(), box, repr((bounds, boxes)).encode(), *named)
     if before is not None and before.merged == source:
-        geometry = before.entry.geometry
-        return Merged(geometry and geometry.meshes_only, source, {})
+        return Merged(before.entry.geometry, source, {})
     if not sources:
         return Merged(None, source, {})
     geometry, files = _Maker(context, key).made(sources, bounds, triangles, boxes)
@@ -126,7 +125,6 @@ def _sources(below: Sequence[BakedCell], triangles: int) -> list[_Source]:
     found = []
     for cell in below:
         geometry = cell.record.entry.geometry
-        geometry = geometry and geometry.meshes_only
         if geometry is None or not geometry.triangles:
             continue
         forms: Sequence[GeometryLevel] = geometry.forms if cell.key.level == 0 else (geometry,)

@@ -19,7 +19,7 @@ from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, fingerprint, merge, ordered
 from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.leaf import draw_leaf
-from farfield.world.index import Bounds, CellEntry, GeometryEntry
+from farfield.world.index import Bounds, CellEntry
 from farfield.world.keys import content_hash
 
 Parts = dict[int, list[Chunk]]
@@ -64,19 +64,19 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         pictures = msgspec.structs.replace(pictures, errors=errors)
         object_bytes = tiles.object_bytes
     cast = leaf_blockmap(context, key, chunk, materials.table, pictures.bounds)
-    geometry = GeometryEntry.of(near.entry if near else None, cast.form)
-    forms = [form.hash.encode() for form in (geometry.forms if geometry else ())]
+    output = content_hash(pictures.hash.encode(), near.entry.hash.encode() if near else b"", cast.hash)
     entry = msgspec.structs.replace(
         pictures,
-        geometry=geometry,
+        geometry=near and near.entry,
+        blockmap=cast.entry,
         instances=near.instances if near else (),
-        output=content_hash(pictures.hash.encode(), *forms),
+        output=output,
     )
     opaque = near is not None and near.opaque
     finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn, opaque)
     write_record(context.store, key, finished)
     baked = _finished(context, key, finished, fresh=before is None or before.drawn != drawn, tiles=tiles)
-    baked.files = (near.files if near else {}) | (cast.files or {})
+    baked.files = (near.files if near else {}) | cast.files
     return baked
 
 

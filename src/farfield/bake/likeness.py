@@ -157,7 +157,9 @@ class FormErrors:
         return cls(_Truth.of(sights, lambda sight: _drawn(sight, chunk, materials)), before)
 
     @classmethod
-    def against_maps(cls, sights: Iterable[Sight], maps: Iterable[PlacedMap], before: tuple[float, float]) -> FormErrors:
+    def against_maps(
+        cls, sights: Iterable[Sight], maps: Iterable[PlacedMap], before: tuple[float, float]
+    ) -> FormErrors:
         """maps: the BlockMaps that one is made from."""
         return cls(_Truth.of(sights, lambda sight: _cast(sight, maps)), before)
 
@@ -244,6 +246,22 @@ def parent_errors(
     # Both are wrong in much the same places, where no direction sees, so they do not simply add.
     far, near = math.hypot(FARTHER * first, LOST_FAR * loss), math.hypot((first + second) / 2, loss)
     return ParentErrors(_told([far, near]), tuple(map(_byte, losses)))
+
+
+def map_loss(sight: Sight, cell: PlacedMap, child: PlacedMap, key: CellKey, bounds: Bounds) -> int:
+    """How unlike a child's BlockMap that of the cell looks in its place, as CellEntry.losses has it.
+
+    key, bounds: of the child.
+    """
+    grid = sight.grid
+    far = replace(sight, key=key, middle=np.asarray(np.mean(bounds, axis=0)), share=FARTHEST)
+    close = far.nearer(_cast(far, [child]))
+    if close is None:
+        return 0
+    close = replace(close, share=1.0)
+    shown = close.empty()
+    draw_blockmap(shown, *cell, _LIGHT, grid.bounds(key))
+    return _byte(_unlike(_cast(close, [child]), shown) or 0.0)
 
 
 def _loss(sight: Sight, cell: tuple[CellEntry, Layers], child: tuple[CellEntry, Layers]) -> float | None:

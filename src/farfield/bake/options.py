@@ -82,5 +82,5 @@ class BakeOptions:
         vectors = [(d.number, d.vector) for d in self.direction_list()]
         facts = (BAKE_VERSION, grid.leaf_size, grid.resolution, grid.corner, vectors)
         chosen = (self.depth_layers, self.quality, self.samples, self.geometry, self.object_ids)
-        chosen += (self.orthoviews, self.blockmap)
-        return content_hash(repr((facts, chosen)).encode())
+        kinds = self.orthoviews, self.blockmap
+        return content_hash(repr((facts, chosen, kinds)).encode())

@@ -25,7 +25,7 @@ from farfield.represent.orthoview.layer import OrthoLayer
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.parent import composite
 from farfield.represent.orthoview.tile import decode_tile
-from farfield.world.index import Bounds, CellEntry, GeometryEntry
+from farfield.world.index import Bounds, CellEntry
 from farfield.world.keys import content_hash, objects_key, orthoview_key
 
 Children = dict[CellKey, tuple[CellKey, ...]]
@@ -57,7 +57,8 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
     fresh = before is None or before.input != source
     tiles = objects = None
     if not context.job.options.orthoviews:
-        entry, object_bytes = CellEntry(key=str(key), bounds=bounds, error=context.grid.pitch(key.level)), 0
+        pitch = context.grid.pitch(key.level)
+        entry, object_bytes = CellEntry(key=str(key), bounds=bounds, error=pitch, losses=cast.losses), 0
         fresh = before is None or before.blockmap != cast.input
     elif before is None or fresh:
         sights = sights_of(context.grid, key, bounds)
@@ -77,7 +78,7 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         tiles, objects = built.encoded, built.objects
     else:
         entry, object_bytes = before.entry, before.object_bytes
-    entry = msgspec.structs.replace(entry, geometry=GeometryEntry.of(merged.geometry, cast.form))
+    entry = msgspec.structs.replace(entry, geometry=merged.geometry, blockmap=cast.entry)
     record = Record(source, _over(entry, below), 0, object_bytes, merged=merged.input, blockmap=cast.input)
     if record != before:
         write_record(context.store, key, record)
@@ -93,7 +94,7 @@ def bake_parent(context: BakeContext, key: CellKey, below: Sequence[BakedCell]) 
         listed=listed,
         tiles=tiles,
         objects=objects,
-        files=merged.files | (cast.files or {}),
+        files=merged.files | cast.files,
     )
     close_index_tile(context.store, context.grid, baked)
     return baked
@@ -138,6 +139,7 @@ def _over(entry: CellEntry, below: Sequence[BakedCell]) -> CellEntry:
     """The entry of a cell above these children, whose near geometry may change without their pictures."""
     outputs = [cell.record.entry.output.encode() for cell in below]
     forms = [form.hash.encode() for form in (entry.geometry.forms if entry.geometry else ())]
+    forms += [entry.blockmap.hash.encode()] if entry.blockmap else []
     return msgspec.structs.replace(
         entry,
         bounds=_union([cell.record.entry.bounds for cell in below]),

@@ -25,7 +25,9 @@ LeafSizeOption = Annotated[
 ]
 ResolutionOption = Annotated[
     int | None,
-    typer.Option(metavar="PX", help="Pixels of an orthoview across a leaf; default: 512, of BlockMaps alone their side."),
+    typer.Option(
+        metavar="PX", help="Pixels of an orthoview across a leaf; default: 512, of BlockMaps alone their side."
+    ),
 ]
 DirectionsOption = Annotated[
     str, typer.Option(metavar="PRESET", help="5, 9, 9c, 13, 17, 26, or unit vectors x,y,z joined by +.")

@@ -107,7 +107,18 @@ def rows_of(drop, scale, most):  # type: ignore[no-untyped-def]
 
 
 @kernel(
-    types.int64(U8_2, U8_2, types.int64, I32_1, types.int64, types.int64, types.int64, types.int64, types.int64, types.int32[:, ::1])
+    types.int64(
+        U8_2,
+        U8_2,
+        types.int64,
+        I32_1,
+        types.int64,
+        types.int64,
+        types.int64,
+        types.int64,
+        types.int64,
+        types.int32[:, ::1],
+    )
 )
 def place_walls(codes, border, least, order, count, columns, across, sharing, scale, places):  # type: ignore[no-untyped-def]
     """Where each side lies in the image of walls: the highest first, row beside row; returns the rows that all take.

@@ -111,8 +111,9 @@ class Pictures:
         """Names of the steps that have less to send now: of geometry also those that need the same meshes or images."""
         if not sent.is_geometry:
             return [name for name in ((sent.cell, False, 1, 0),) if name in self._steps]
-        shared = {key for key in sent.keys if not key.startswith("geometry/")}
-        cells = {key[len("geometry/") :].rpartition("-")[0] for key in sent.keys if key not in shared}
+        own = [key for key in sent.keys if key.startswith(("geometry/", "blockmap/"))]
+        shared = set(sent.keys).difference(own)
+        cells = {key.partition("/")[2].rpartition("-")[0] for key in own}
         return [
             name
             for name, steps in self._steps.items()

@@ -15,9 +15,17 @@ from farfield.octree.grid import CellKey, Grid
 from farfield.represent.geometry.board import TILTS, TURNS
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS, picture_accuracy
 from farfield.stream.offers import SHARES
-from farfield.world.index import ERROR_SPACING, MOST_SIDES, CellEntry, Impostor, InstancedMesh
+from farfield.world.index import (
+    ERROR_SPACING,
+    MOST_SIDES,
+    BlockMapEntry,
+    CellEntry,
+    GeometryLevel,
+    Impostor,
+    InstancedMesh,
+)
 from farfield.world.keys import DYNAMIC, DynamicImpostor, mesh_key, orthoview_key, texture_key
-from farfield.world.reach import form_values, level_values
+from farfield.world.reach import blockmap_keys, form_values, level_values
 from farfield.world.world import World
 
 Floats = NDArray[np.float64]
@@ -298,7 +306,7 @@ class CellTree:
         """(n, 6) the same of what is in them."""
         self.errors = np.array([entry.error for entry in entries], np.float64)
         """(n,) metres between the pixels of their pictures."""
-        told = [told_errors(entry.errors) if entry.errors else np.array(UNTOLD) for entry in entries]
+        told = [told_errors(errors) if (errors := picture_errors(entry)) else np.array(UNTOLD) for entry in entries]
         self.told = np.array(told).reshape(-1, _REACHES)
         """(n, 3) errors of their pictures, 0 to 1, for the views that CellEntry.errors tells them for."""
         self.losses = np.full(len(entries), UNTOLD_LOSS)
@@ -312,12 +320,14 @@ class CellTree:
             [entry.geometry.listed / 255 if entry.geometry else 0.0 for entry in entries], np.float64
         )
         """(n,) of cells above leaves, what instances take of them that no form of their own shows, 0 to 1."""
-        self.has_pictures = np.array([len(entry.tiles) > 0 for entry in entries], bool)
+        self.has_pictures = np.array([len(entry.tiles) > 0 or entry.blockmap is not None for entry in entries], bool)
+        """(n,) cells with tiles, or a BlockMap in their place."""
         of_its_own = np.array([entry.geometry is not None for entry in entries], bool)
         self.has_geometry = of_its_own & (self.levels == 0)
         """(n,) leaves that have geometry."""
-        self.has_merged = of_its_own & (self.levels > 0)
-        """(n,) cells above them that have geometry of their own."""
+        beside = np.array([len(entry.tiles) > 0 and entry.blockmap is not None for entry in entries], bool)
+        self.has_merged = of_its_own & (self.levels > 0) | beside
+        """(n,) cells above them that have geometry of their own, and cells with a BlockMap beside their tiles."""
         self.children = np.zeros((len(entries), 2), np.int32)
         """(n, 2) the first child and how many there are."""
         below = np.flatnonzero(self.parents >= 0)
@@ -396,12 +406,13 @@ class CellTree:
         return _together(self._joined(cell), self.merged(cell))
 
     def _merged(self, cell: int) -> CellForms:
-        near, key = self.entries[cell].geometry, self.entries[cell].cell
-        if near is None or not self.has_merged[cell]:
+        if not self.has_merged[cell]:
             return NO_FORMS
+        key = self.entries[cell].cell
         values, errors = [], []
-        for number, form in enumerate(near.forms, FIRST_MERGED):
-            keys, sizes = zip(*form_values(key, form), strict=True)
+        for number, form in enumerate(own_forms(self.entries[cell]), FIRST_MERGED):
+            named = blockmap_keys(self.entries[cell]) if isinstance(form, BlockMapEntry) else form_values(key, form)
+            keys, sizes = zip(*named, strict=True)
             refers = frozenset(keys[:-1])
             values.append(CellValues(str(key), True, keys, sizes, (), (len(keys),), 1, number, refers))
             errors.append(told_errors(form.errors))
@@ -433,6 +444,9 @@ class CellTree:
     def _pictures(self, cell: int, from_bin: int, least_gain: float) -> CellValues:
         """The tiles that a cell is drawn from, best first (spec/drawing.md, Which tiles)."""
         entry = self.entries[cell]
+        if not entry.tiles and entry.blockmap is not None:
+            keys, sizes = zip(*blockmap_keys(entry), strict=True)
+            return CellValues(entry.key, False, keys, sizes, (1.0,), (1,))
         picks = [(number, gain) for number, gain in entry.picks_from(from_bin) if entry.tiles[number][1] < LAYERS]
         picks = [pick for n, pick in enumerate(picks) if n == 0 or pick[1] >= least_gain]
         tiles = [entry.tiles[number] for number, _ in picks] or list(entry.tiles)
@@ -462,6 +476,17 @@ def merged_accuracy(told: Floats, pitch: Floats | float, widths: Floats) -> Floa
     than is told of it goes on as pictures do: one sees its faces and texels.
     """
     return picture_accuracy(np.asarray(told)[..., None, :], pitch / widths)
+
+
+def own_forms(entry: CellEntry) -> tuple[GeometryLevel | BlockMapEntry, ...]:
+    """What a cell may be drawn by in place of its tiles that is its own and no leaf's, a BlockMap last."""
+    merged = entry.geometry.forms if entry.geometry and entry.cell.level > 0 else ()
+    return (*merged, entry.blockmap) if entry.tiles and entry.blockmap is not None else merged
+
+
+def picture_errors(entry: CellEntry) -> tuple[int, ...]:
+    """Those of its tiles, or of the BlockMap in their place."""
+    return entry.errors if entry.tiles or entry.blockmap is None else entry.blockmap.errors
 
 
 def _together(fine: CellForms, coarse: CellForms) -> CellForms:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -16,7 +17,8 @@ from farfield.represent.blockmap.blockmap import STEEP, BlockMap
 from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
-from farfield.world.keys import blockmap_objects_key
+from farfield.world.index import BlockMapEntry, CellEntry
+from farfield.world.keys import blockmap_key, blockmap_objects_key
 from farfield.world.world import World
 
 _NEAR = 1e-3
@@ -34,6 +36,16 @@ class MapDraw:
     """(2, 3) local metres to which it is cut; None: all of it."""
     moved: NDArray[np.float64] | None = None
     """(3,) metres by which it is drawn elsewhere."""
+
+
+def map_of(
+    entry: CellEntry,
+    blockmap: BlockMapEntry,
+    box: NDArray[np.float64] | None = None,
+    moved: NDArray[np.float64] | None = None,
+) -> MapDraw:
+    """That of a cell, see MapDraw."""
+    return MapDraw(entry.cell, blockmap_key(entry.cell, blockmap.hash), box, moved)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +113,8 @@ class BlockMapPass:
             blockmap = decode_blockmap(self._read(one.key), one.key)
             if self._frame.objects.size:
                 ids = blockmap_objects_key(one.cell, one.key[-16:])
-                try:
+                with contextlib.suppress(MissingKeyError):
                     blockmap = blockmap.with_objects(decode_objects(self._world.store.get(ids), ids))
-                except MissingKeyError:
-                    pass
             self._maps[one.key] = CastableMap.of(blockmap, self._world.grid.cell_size(one.cell.level))
         return self._maps[one.key]
 
@@ -132,7 +142,11 @@ def leap_heights(tops: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def draw_blockmap(
-    frame: Frame, castable: CastableMap, corner: NDArray[np.float64], light: Light, box: NDArray[np.float64] | None = None
+    frame: Frame,
+    castable: CastableMap,
+    corner: NDArray[np.float64],
+    light: Light,
+    box: NDArray[np.float64] | None = None,
 ) -> int:
     """Draws a BlockMap, before or behind what is there; returns the samples that it is seen in.
 

@@ -14,8 +14,8 @@ from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, dynamic_angle, side_angles, sines, squareness
 from farfield.stream.accuracy import loss_from, picture_accuracy
 from farfield.stream.regions import pixel_width
-from farfield.stream.tree import NONE, REACH, CellForms, CellTree, merged_accuracy, told_errors
-from farfield.world.index import MESH_FARTHEST, CellEntry, GeometryLevel, Impostor
+from farfield.stream.tree import NONE, REACH, CellForms, CellTree, merged_accuracy, own_forms, told_errors
+from farfield.world.index import MESH_FARTHEST, BlockMapEntry, CellEntry, GeometryLevel, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World
 
@@ -47,7 +47,7 @@ class ShownForm:
     """A cell above leaves, or a leaf, that is geometry in the place of its pictures."""
 
     entry: CellEntry
-    form: GeometryLevel | None = None
+    form: GeometryLevel | BlockMapEntry | None = None
     """By which; None: by the finest that is there."""
 
 
@@ -100,12 +100,10 @@ class Kinds:
             return [ShownForm(tree.entries[number], self._own_form(number, forms, best[0]))]
         return [ShownForm(tree.entries[leaf]) for leaf in tree.leaves_below(number)]
 
-    def _own_form(self, number: int, forms: CellForms, chosen: int) -> GeometryLevel:
-        geometry = self._tree.entries[number].geometry
-        assert geometry is not None
-        return geometry.forms[chosen - len(forms.values)]
+    def _own_form(self, number: int, forms: CellForms, chosen: int) -> GeometryLevel | BlockMapEntry:
+        return own_forms(self._tree.entries[number])[chosen - len(forms.values)]
 
-    def stands_in(self, cell: CellKey, held: Collection[str]) -> GeometryLevel | None:
+    def stands_in(self, cell: CellKey, held: Collection[str]) -> GeometryLevel | BlockMapEntry | None:
         """The form of its own by which a cell above others stands in for them; None: it does by its pictures."""
         number = self._numbers.get(cell)
         if number is None:
@@ -127,6 +125,7 @@ class Kinds:
     ) -> tuple[int, float] | None:
         """Of a cell's forms that are held that which shows most, and how much; the finer, when two show the same."""
         best, pitch = None, float(self._tree.errors[number])
+        own = own_forms(self._tree.entries[number])
         listed = float(self._tree.listed[number])
         placed = None
         for n, value in enumerate(forms.values):
@@ -134,7 +133,7 @@ class Kinds:
                 shown = self._shown(forms.errors[n], width)
                 if forms.is_merged[n]:
                     shown = float(merged_accuracy(forms.errors[n], pitch, np.full((1, 1), width))[0, 0])
-                    if listed:
+                    if listed and not isinstance(own[n - len(forms.values)], BlockMapEntry):
                         placed = self._placed(number, held) if placed is None else placed
                         shown = (1 - listed) * shown + listed * placed
                 if best is None or shown > best[1]:

@@ -20,13 +20,13 @@ from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.geometry.write import PlacedMesh
 from farfield.scene.model import Texture
 from farfield.stream.tree import CellTree
-from farfield.view.blockmaps import MapDraw
+from farfield.view.blockmaps import MapDraw, map_of
 from farfield.view.geometry import Batches
 from farfield.view.impostors import ImpostorMaker
 from farfield.view.kinds import PlacedInstance, ShownForm
-from farfield.world.index import BLOCKMAP, CellEntry, GeometryLevel
+from farfield.world.index import BlockMapEntry, CellEntry, GeometryLevel
 from farfield.world.keys import DynamicImpostor, geometry_key, mesh_key, texture_key
-from farfield.world.reach import form_key, form_values
+from farfield.world.reach import form_values
 from farfield.world.world import World
 
 _HINT = "run farfield verify"
@@ -43,7 +43,7 @@ class MergedPart:
 
     entry: CellEntry
     """Of the cell above, which has geometry of its own."""
-    form: GeometryLevel
+    form: GeometryLevel | BlockMapEntry
     """By which it stands in."""
     cell: CellKey
     """To which that is clipped."""
@@ -71,26 +71,31 @@ class NearGeometry:
 
         held: keys of what may be drawn; None: all. Returns how many have none.
         """
-        drawn = [
-            self._draws(one, held, partial(self._draw_leaf, one.entry, batches)) for one in shown if one.entry.geometry
-        ]
+        drawn = []
+        for one in shown:
+            if isinstance(one.form, BlockMapEntry):
+                self.maps.append(map_of(one.entry, one.form))
+            elif one.entry.geometry is not None:
+                drawn.append(self._draws(one, held, partial(self._draw_leaf, one.entry, batches)))
         batches.flush()
         return drawn.count(False)
 
     def draw_merged(self, parts: Iterable[MergedPart], batches: Batches, held: Collection[str] | None = None) -> int:
         """Draws what stands in, each by its form or else the finest that can be read; returns how many have none."""
-        drawn = [
-            self._draws(ShownForm(part.entry, part.form), held, partial(self._draw_part, part, batches))
-            for part in parts
-        ]
+        drawn = []
+        for part in parts:
+            if isinstance(part.form, BlockMapEntry):
+                self.maps.append(map_of(part.entry, part.form, self._world.grid.bounds(part.cell), part.moved))
+            else:
+                shown = ShownForm(part.entry, part.form)
+                drawn.append(self._draws(shown, held, partial(self._draw_part, part, batches)))
         batches.flush()
         return drawn.count(False)
 
     def _draws(self, shown: ShownForm, held: Collection[str] | None, draw: Callable[[GeometryLevel], None]) -> bool:
-        """Whether a form of a cell could be drawn: the one that is chosen, or the finest that may be and can be read."""
-        entry = shown.entry
-        forms = entry.geometry.forms if entry.geometry else ()
-        for form in (*((shown.form,) if shown.form else ()), *forms):
+        """Whether a form of a cell could be drawn: the one that is chosen, or the finest that may and can be read."""
+        entry, forms = shown.entry, shown.entry.geometry.forms if shown.entry.geometry else ()
+        for form in (*((shown.form,) if isinstance(shown.form, GeometryLevel) else ()), *forms):
             if is_held(entry.cell, form, held):
                 with suppress(CorruptTileError):
                     draw(form)
@@ -98,10 +103,7 @@ class NearGeometry:
         return False
 
     def _draw_part(self, part: MergedPart, batches: Batches, form: GeometryLevel) -> None:
-        key = form_key(part.entry.cell, form)
-        if form.kind == BLOCKMAP:
-            self.maps.append(MapDraw(part.entry.cell, key, self._world.grid.bounds(part.cell), part.moved))
-            return
+        key = geometry_key(part.entry.cell, form.hash)
         if key not in self._meshes:
             read = read_leaf_glb(self._read(key), key, self._texture).mesh
             if read is None:
@@ -142,10 +144,7 @@ class NearGeometry:
             self._draw_instances(placed, entry.cell, self._world.grid.bounds(entry.cell)[0], batches)
 
     def _draw_leaf(self, entry: CellEntry, batches: Batches, geometry: GeometryLevel) -> None:
-        key = form_key(entry.cell, geometry)
-        if geometry.kind == BLOCKMAP:
-            self.maps.append(MapDraw(entry.cell, key))
-            return
+        key = geometry_key(entry.cell, geometry.hash)
         found = read_leaf_glb(self._read(key), key, self._texture)
         corner = self._world.grid.bounds(entry.cell)[0]
         for placed in found.placed:

@@ -16,7 +16,7 @@ from farfield.geometry.frustum import Frustum
 from farfield.octree.cut import Cut, cut, near_radius, view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.orthoview.layer import OrthoLayer
-from farfield.view.blockmaps import BlockMapPass, MapDraw
+from farfield.view.blockmaps import BlockMapPass, MapDraw, map_of
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.kinds import Kinds, PlacedInstance, ShownForm
@@ -25,9 +25,8 @@ from farfield.view.picture import Picture, Statistics
 from farfield.view.shading import Light
 from farfield.view.splats import Splats
 from farfield.view.tiles import Place, TileCache, Wanted, places_of
-from farfield.world.index import BLOCKMAP, CellEntry
+from farfield.world.index import BlockMapEntry, CellEntry
 from farfield.world.keys import orthoview_key
-from farfield.world.reach import form_key
 from farfield.world.world import World
 
 DEFAULT_LEAST_GAIN = 10.0
@@ -203,10 +202,12 @@ class _Drawing:
 
     def _draw_map(self, entry: CellEntry, box: NDArray[np.float64] | None = None) -> bool:
         """Whether a cell without pictures has a BlockMap that may be drawn. box: to which it is cut."""
-        form = entry.geometry.blockmap if entry.geometry else None
-        if form is None or not is_held(entry.cell, form, self._options.held):
+        if entry.blockmap is None:
             return False
-        self._maps.append(MapDraw(entry.cell, form_key(entry.cell, form), box))
+        wanted = map_of(entry, entry.blockmap, box)
+        if self._options.held is not None and wanted.key not in self._options.held:
+            return False
+        self._maps.append(wanted)
         return True
 
     def draw_maps(self) -> None:
@@ -371,7 +372,7 @@ class _Drawing:
 
 def lacks_instances(shown: ShownForm) -> bool:
     """Whether what is listed of a cell below is not shown: by merged geometry of a cell above."""
-    return shown.entry.cell.level > 0 and (shown.form is None or shown.form.kind != BLOCKMAP)
+    return shown.entry.cell.level > 0 and (shown.form is None or not isinstance(shown.form, BlockMapEntry))
 
 
 def chosen_tiles(world: World, entry: CellEntry, eye: NDArray[np.float64], options: RenderOptions) -> tuple[Place, ...]:

@@ -19,7 +19,17 @@ from farfield.world import keys
 from farfield.world.attributes import attribute_tables
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.manifest import KEY, decode_manifest, manifest_bytes
-from farfield.world.reach import IndexRoot, blockmap_object_keys, first_index_tiles, geometry_keys, images_of, meshes_of, parted, textures_of
+from farfield.world.reach import (
+    IndexRoot,
+    blockmap_keys,
+    blockmap_object_keys,
+    first_index_tiles,
+    geometry_keys,
+    images_of,
+    meshes_of,
+    parted,
+    textures_of,
+)
 from farfield.world.split import SplitStore
 from farfield.world.targets import Target
 
@@ -79,7 +89,7 @@ class _Cell(NamedTuple):
     tiles: array[int]
     """Direction, layer and bytes of each tile, one after the other."""
     geometry: tuple[tuple[str, int], ...]
-    """Key and bytes of each form."""
+    """Key and bytes of each form, and of its BlockMap."""
     objects: tuple[str, ...]
     """Keys of the object ids of its BlockMaps."""
 
@@ -155,7 +165,13 @@ class _Copy:
         self._meshes.update(meshes_of(entry))
         self._textures.update(dict.fromkeys(images_of(entry)))
         tiles = array("Q", [number for tile in entry.tiles for number in tile])
-        return _Cell(entry.cell, entry.hash, tiles, tuple(geometry_keys(entry)), tuple(blockmap_object_keys(entry)))
+        return _Cell(
+            entry.cell,
+            entry.hash,
+            tiles,
+            (*geometry_keys(entry), *blockmap_keys(entry)),
+            tuple(blockmap_object_keys(entry)),
+        )
 
     def _copy_cells(self, cells: list[_Cell]) -> None:
         self._progress.start(sum(len(cell.tiles) // 3 + len(cell.geometry) for cell in cells), "tiles")

@@ -17,6 +17,7 @@ from farfield.world.index import decode_index
 from farfield.world.limits import DAMAGE
 from farfield.world.manifest import read_manifest
 from farfield.world.reach import (
+    blockmap_keys,
     blockmap_object_keys,
     first_index_tiles,
     geometry_keys,
@@ -135,11 +136,12 @@ def _living(store: Store, progress: Progress) -> _Living:
         for entry in entries:
             living.named["orthoview"][entry.key] = living.named["objects"][entry.key] = entry.hash
             living.shared.update(keys.texture_key(name) for name in images_of(entry))
+            living.shared.update(key for key, _ in blockmap_keys(entry))
+            living.shared.update(blockmap_object_keys(entry))
             if entry.geometry:
                 living.named["geometry"][entry.key] = entry.geometry.hash
                 for geometry, _ in geometry_keys(entry):
                     _add_shared(store, living, geometry)
-                living.shared.update(blockmap_object_keys(entry))
                 for mesh in meshes_of(entry):
                     _add_shared(store, living, keys.mesh_key(mesh))
             progress.advance()

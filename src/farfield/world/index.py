@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -67,10 +67,7 @@ escapes one alone."""
 Transform = Annotated[tuple[Metres, ...], Meta(min_length=12, max_length=12)]
 
 
-BLOCKMAP = "blockmap"
-
-
-class GeometryLevel(msgspec.Struct, frozen=True, omit_defaults=True):
+class GeometryLevel(msgspec.Struct, frozen=True):
     """A form of a cell's geometry, which shows it without any of the others."""
 
     hash: Hash
@@ -86,11 +83,9 @@ class GeometryLevel(msgspec.Struct, frozen=True, omit_defaults=True):
     the leaves the first view is that of FARTHEST."""
     drawn: Count = 0
     """Triangles with those of its instances, which are drawn whole; 0: older worlds do not tell."""
-    kind: Literal["", "blockmap"] = ""
-    """Empty: a GLB. BLOCKMAP: a BlockMap, the last of a cell's forms, which shows instances too."""
 
 
-class GeometryEntry(GeometryLevel, frozen=True, omit_defaults=True):
+class GeometryEntry(GeometryLevel, frozen=True):
     """Near geometry of a leaf, or what lies below a cell, merged and simplified (HLOD), without listed instances."""
 
     levels: Annotated[tuple[GeometryLevel, ...], Meta(max_length=16)] = ()
@@ -101,30 +96,17 @@ class GeometryEntry(GeometryLevel, frozen=True, omit_defaults=True):
 
     @property
     def forms(self) -> tuple[GeometryLevel, ...]:
-        """From fine to coarse, a BlockMap last."""
+        """From fine to coarse."""
         return (self, *self.levels)
 
-    @property
-    def meshes_only(self) -> GeometryEntry | None:
-        """Without a BlockMap; None: it is nothing else."""
-        if self.kind == BLOCKMAP:
-            return None
-        return msgspec.structs.replace(self, levels=tuple(form for form in self.levels if form.kind != BLOCKMAP))
 
-    @property
-    def blockmap(self) -> GeometryLevel | None:
-        """The form that is one."""
-        last = self.forms[-1]
-        return last if last.kind == BLOCKMAP else None
+class BlockMapEntry(msgspec.Struct, frozen=True):
+    """A BlockMap: all that is in a cell, instances too, from any side."""
 
-    @classmethod
-    def of(cls, meshes: GeometryEntry | None, blockmap: GeometryLevel | None) -> GeometryEntry | None:
-        """Both together; None: there is neither."""
-        if blockmap is None:
-            return meshes
-        if meshes is None:
-            return cls(**msgspec.structs.asdict(blockmap))
-        return msgspec.structs.replace(meshes, levels=(*meshes.levels, blockmap))
+    hash: Hash
+    bytes: Count
+    errors: Annotated[tuple[Error, ...], Meta(max_length=8)] = ()
+    """As CellEntry.errors: how unlike the full geometry it looks."""
 
 
 class MeshLevel(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -202,6 +184,8 @@ class CellEntry(msgspec.Struct, frozen=True, omit_defaults=True):
     children: Annotated[tuple[str, ...], Meta(max_length=8)] = ()
     index: HashOrNone = ""
     geometry: GeometryEntry | None = None
+    blockmap: BlockMapEntry | None = None
+    """Where there are no tiles it takes their place, its errors that of theirs."""
     instances: Annotated[tuple[InstancedMesh, ...], Meta(max_length=MOST_INSTANCES)] = ()
     """Of a leaf: what is placed in it, so that viewers can draw it before, and without, the leaf's geometry."""
     output: HashOrNone = ""

@@ -6,7 +6,7 @@ from farfield.octree.grid import CellKey
 from farfield.represent.geometry.read import texture_hashes
 from farfield.represent.geometry.write import MAGIC
 from farfield.world import keys
-from farfield.world.index import BLOCKMAP, CellEntry, GeometryLevel, IndexTile, MeshLevel
+from farfield.world.index import CellEntry, GeometryLevel, IndexTile, MeshLevel
 from farfield.world.manifest import Manifest
 
 IndexRoot = tuple[CellKey, str]
@@ -39,21 +39,21 @@ def textures_of(data: bytes, where: str) -> tuple[str, ...]:
     return texture_hashes(data, where) if data.startswith((b"glTF", MAGIC)) else ()
 
 
-def form_key(cell: CellKey, form: GeometryLevel) -> str:
-    """Key of a form of a cell's geometry."""
-    return (keys.blockmap_key if form.kind == BLOCKMAP else keys.geometry_key)(cell, form.hash)
-
-
 def geometry_keys(entry: CellEntry) -> list[tuple[str, int]]:
     """Key and bytes of all forms of a cell's geometry, the meshes they place apart."""
     forms = entry.geometry.forms if entry.geometry else ()
-    return [(form_key(entry.cell, form), form.bytes) for form in forms]
+    return [(keys.geometry_key(entry.cell, form.hash), form.bytes) for form in forms]
+
+
+def blockmap_keys(entry: CellEntry) -> list[tuple[str, int]]:
+    """Key and bytes of its BlockMap, if it has one."""
+    found = entry.blockmap
+    return [(keys.blockmap_key(entry.cell, found.hash), found.bytes)] if found else []
 
 
 def blockmap_object_keys(entry: CellEntry) -> list[str]:
-    """Keys under which the object ids of its BlockMaps are, where there are any."""
-    forms = entry.geometry.forms if entry.geometry else ()
-    return [keys.blockmap_objects_key(entry.cell, form.hash) for form in forms if form.kind == BLOCKMAP]
+    """Key under which the object ids of its BlockMap are, where there are any."""
+    return [keys.blockmap_objects_key(entry.cell, entry.blockmap.hash)] if entry.blockmap else []
 
 
 def form_values(cell: CellKey, form: GeometryLevel) -> list[tuple[str, int]]:
@@ -61,7 +61,7 @@ def form_values(cell: CellKey, form: GeometryLevel) -> list[tuple[str, int]]:
     return [
         *((keys.texture_key(name), size) for name, size in form.textures),
         *((keys.mesh_key(name), size) for name, size in form.meshes),
-        (form_key(cell, form), form.bytes),
+        (keys.geometry_key(cell, form.hash), form.bytes),
     ]
 
 

@@ -19,6 +19,7 @@ from farfield.world.attributes import attribute_tables
 from farfield.world.chunks import SCENE, named_chunks, read_scene_values
 from farfield.world.index import CellEntry, decode_index
 from farfield.world.reach import (
+    blockmap_keys,
     blockmap_object_keys,
     first_index_tiles,
     geometry_keys,
@@ -143,7 +144,7 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
 
 def _check_cell(store: Store, entry: CellEntry) -> _Report:
     parts = [_check_tiles(store, entry)] if entry.tiles else []
-    parts += [_check_hashed(store, key, size) for key, size in geometry_keys(entry)]
+    parts += [_check_hashed(store, key, size) for key, size in (*geometry_keys(entry), *blockmap_keys(entry))]
     parts += [_check_blockmap_objects(store, key) for key in blockmap_object_keys(entry)]
     return _sum(parts)
 

@@ -36,7 +36,9 @@ class BlockMapSize:
         except (ValueError, TypeError):
             found = None
         if found not in SIZES:
-            raise OptionError(f"{text!r} is not a size of BlockMaps", "--blockmap", f"one of {', '.join(map(str, SIZES))}")
+            raise OptionError(
+                f"{text!r} is not a size of BlockMaps", "--blockmap", f"one of {', '.join(map(str, SIZES))}"
+            )
         return found
 
     def __str__(self) -> str:

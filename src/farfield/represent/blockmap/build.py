@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from farfield.geometry.color import BYTE_OF_LINEAR
 from farfield.geometry.directions import TOP, principal
-from farfield.kernels.facade import SAMPLES, find_walls, paint_walls
 from farfield.kernels.fill import fill_invalid
 from farfield.kernels.project import project_orthographic
 from farfield.kernels.resolve import PLANES, resolve
+from farfield.kernels.walls import SAMPLES, find_walls, paint_walls
 from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, BlockMapSize, turns_of
 from farfield.represent.blockmap.caps import NO_OBJECT, inside_at_top
 from farfield.represent.blockmap.unfolding import DENSITIES
@@ -54,7 +54,12 @@ class Square:
 
 
 def build_blockmap(
-    chunk: Chunk, materials: MaterialTable, square: Square, size: BlockMapSize, by_area: bool = True, sloped: bool = True
+    chunk: Chunk,
+    materials: MaterialTable,
+    square: Square,
+    size: BlockMapSize,
+    by_area: bool = True,
+    sloped: bool = True,
 ) -> BlockMap | None:
     """A BlockMap of a cell; None when nothing is seen of it from above.
 
@@ -185,7 +190,9 @@ def _walls_on_rim(chunk: Chunk, square: Square, side: int) -> NDArray[np.uint8]:
     for k in range(4):
         axis, sense = k >> 1, 1 if k & 1 else -1
         along = corners[:, :, axis]
-        near = (along.max(axis=1) > extent[axis] - texel[axis] / 2) if sense > 0 else (along.min(axis=1) < texel[axis] / 2)
+        near = (
+            (along.max(axis=1) > extent[axis] - texel[axis] / 2) if sense > 0 else (along.min(axis=1) < texel[axis] / 2)
+        )
         rows = np.flatnonzero(near & (sense * normals[:, axis] > 0.3 * length))
         beside = corners[rows, :, 1 - axis] / texel[1 - axis]
         first = np.clip(np.floor(beside.min(axis=1)), 0, side - 1).astype(np.int64)
@@ -213,7 +220,19 @@ def _painted(
     find_walls(chunk.surface, places, starts, heights, n, own.across, texel, nearest, found)
     sums, normals = np.zeros((n, m, 4), np.float32), np.zeros((4 * n * n, 3), np.float32)
     paint_walls(
-        chunk.surface, materials.arrays, walls, places, starts, heights, n, own.across, texel, nearest, found, sums, normals
+        chunk.surface,
+        materials.arrays,
+        walls,
+        places,
+        starts,
+        heights,
+        n,
+        own.across,
+        texel,
+        nearest,
+        found,
+        sums,
+        normals,
     )
     painted = to_bytes(sums[..., :3] / np.maximum(sums[..., 3:], 1))
     image = fill_invalid(painted, sums[..., 3] > 0)

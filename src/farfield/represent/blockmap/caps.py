@@ -14,7 +14,9 @@ NO_OBJECT = 0xFFFFFFFF
 """In place of an object id of 0."""
 
 
-def inside_at_top(chunk: Chunk, height: float, cells: tuple[int, int], extent: tuple[float, float]) -> NDArray[np.uint32]:
+def inside_at_top(
+    chunk: Chunk, height: float, cells: tuple[int, int], extent: tuple[float, float]
+) -> NDArray[np.uint32]:
     """(rows, columns) object ids of what goes on above a cell, NO_OBJECT where it has none; 0: nothing does.
 
     chunk: metres from the cell's lower corner; its walls face outwards. height: of the cell. cells: columns and rows of
@@ -31,12 +33,16 @@ def inside_at_top(chunk: Chunk, height: float, cells: tuple[int, int], extent: t
     unknown = np.flatnonzero(lines == 0)
     if len(unknown):
         other = np.zeros_like(inside)
-        fill_inside(np.concatenate([walls[:, :4], walls[:, 5:6]], axis=1), objects, size, True, other, np.zeros(size, np.int64))
+        fill_inside(
+            np.concatenate([walls[:, :4], walls[:, 5:6]], axis=1), objects, size, True, other, np.zeros(size, np.int64)
+        )
         inside[unknown] = other[unknown]
     return inside
 
 
-def _cut_walls(chunk: Chunk, height: float, scale: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+def _cut_walls(
+    chunk: Chunk, height: float, scale: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """(k, 6) ends of the cuts of walls with the upper side, in cells of the grid, and their normals; (k,) objects."""
     near = chunk.positions[:, 2] > height * (1 - _CLOSE)
     rows = np.flatnonzero(near[chunk.triangles].sum(axis=1) == 2)

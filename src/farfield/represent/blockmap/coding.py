@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
 from farfield.inflate import inflate
-from farfield.represent.blockmap.blockmap import TURNS, BlockMap, BlockMapSize, SIZES
+from farfield.represent.blockmap.blockmap import SIZES, TURNS, BlockMap, BlockMapSize
 from farfield.represent.blockmap.unfolding import DENSITIES
 from farfield.represent.orthoview import webp
 

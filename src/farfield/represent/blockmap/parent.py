@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from farfield.kernels.fill import fill_invalid
 from farfield.kernels.regather import gather_walls
 from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, turns_of
 from farfield.represent.blockmap.build import Square, ends_of, fitted_to, least_drop, quantised, to_bytes
+
+_Number = TypeVar("_Number", np.float32, np.uint32)
 
 FINEST_ABOVE = 1
 """Columns of a side, at most: such maps are seen from where a texel is a pixel."""
@@ -168,7 +171,7 @@ class _Fine:
         return replace(blockmap, colors=np.concatenate([tops, image], axis=1), turns=turns_of(own, normals))
 
 
-def _blocks(texels: NDArray[np.generic], rows: int, columns: int) -> NDArray[np.generic]:
+def _blocks(texels: NDArray[_Number], rows: int, columns: int) -> NDArray[_Number]:
     """(h, w, …) -> (rows, columns, texels of a block, …)."""
     deep, wide = texels.shape[0] // rows, texels.shape[1] // columns
     parted = texels.reshape(rows, deep, columns, wide, *texels.shape[2:])

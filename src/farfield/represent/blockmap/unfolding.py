@@ -41,7 +41,13 @@ class Unfolded:
 
 
 def unfolded(
-    codes: NDArray[np.uint8], border: NDArray[np.uint8], least: int, columns: int, density: int, scale: int, by_area: bool
+    codes: NDArray[np.uint8],
+    border: NDArray[np.uint8],
+    least: int,
+    columns: int,
+    density: int,
+    scale: int,
+    by_area: bool,
 ) -> Unfolded:
     """Where walls are in an image of `columns` columns; see BlockMap. It may take more rows than the image has."""
     n = codes.shape[0]

@@ -20,7 +20,9 @@ PIECE = 16 << 10
 
 _PIECE_HEADER = struct.Struct("<II")
 
-_Key = Annotated[str, Meta(max_length=160, pattern=r"^(orthoview|geometry|blockmap|mesh|texture|impostor)/[0-9a-f/-]+\Z")]
+_Key = Annotated[
+    str, Meta(max_length=160, pattern=r"^(orthoview|geometry|blockmap|mesh|texture|impostor)/[0-9a-f/-]+\Z")
+]
 _Keys = Annotated[tuple[_Key, ...], Meta(max_length=4096)]
 _Unit = Annotated[float, Meta(ge=-1.001, le=1.001)]
 _Speed = Annotated[float, Meta(ge=-1e7, le=1e7)]

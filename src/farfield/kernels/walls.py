@@ -145,7 +145,11 @@ def _footprint(surface, materials, material, ia, ib, ic, area):  # type: ignore[
     return across / max(area, 1e-12)
 
 
-@kernel(types.void(SURFACE, MATERIALS, I32_1, I32_2, I32_1, F32_2, types.int64, types.int64, F32_1, F32_1, I32_1, F32_3, F32_2))
+@kernel(
+    types.void(
+        SURFACE, MATERIALS, I32_1, I32_2, I32_1, F32_2, types.int64, types.int64, F32_1, F32_1, I32_1, F32_3, F32_2
+    )
+)
 def paint_walls(  # type: ignore[no-untyped-def]
     surface, materials, sides, places, starts, heights, n, across, texel, nearest, found, sums, normals
 ):
