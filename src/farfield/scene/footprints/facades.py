@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.geometry.color import LINEAR_OF_BYTE, linear_from_srgb, srgb_from_linear
 from farfield.scene.model import Material, Texture
 from farfield.scene.procedural.noise import tiling_noise
 
@@ -77,6 +78,18 @@ def wall_tints(seed: NDArray[np.uint32], variant: NDArray[np.int64], textured: b
     return _opaque(base * tint)
 
 
+def given_tints(color: NDArray[np.uint8], variant: NDArray[np.int64], textured: bool) -> NDArray[np.uint8]:
+    """(n, 4) uint8 sRGB with which the walls have the wanted colours (n, 3 or 4), on the mean over a pale façade.
+
+    A colour lighter than the façade, which has windows, becomes as light as that, and keeps its hue.
+    """
+    linear = linear_from_srgb(color[:, :3] / 255.0)
+    if textured:
+        linear /= np.array([_pale_mean(k) for k in range(VARIANTS)])[variant][:, None]
+        linear /= np.maximum(linear.max(axis=1, initial=1.0), 1.0)[:, None]
+    return _opaque(srgb_from_linear(linear) * 255)
+
+
 def roof_colors(seed: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """(n, 4) uint8 sRGB: gravel, concrete and a few painted or planted roofs."""
     palette = np.array([[152, 150, 146], [134, 134, 134], [168, 164, 156], [120, 124, 128], [144, 132, 120],
@@ -100,6 +113,38 @@ def _plain() -> Material:
 def facade_material(variant: int) -> Material:
     """The material of a façade; made once a process, 20 ms each."""
     return Material(FACADES[variant].name, texture=Texture(facade_pixels(variant)), double_sided=False)
+
+
+@lru_cache(maxsize=VARIANTS)
+def pale_facade_material(variant: int) -> Material:
+    """The façade in grey, its wall nearly white, for tints of any colour."""
+    return Material(f"pale {FACADES[variant].name}", texture=Texture(pale_facade_pixels(variant)), double_sided=False)
+
+
+def pale_facade_pixels(variant: int) -> NDArray[np.uint8]:
+    """(512, 512, 4) uint8: lightness of the façade, its wall at _PALE; what is lighter than white is white."""
+    pixels = facade_pixels(variant)
+    wall = _lightness(linear_from_srgb(np.array(FACADES[variant].wall) / 255.0))
+    light = np.minimum(_lightness(LINEAR_OF_BYTE[pixels[..., :3]].astype(np.float64)) / wall * _PALE, 1.0)
+    pixels[..., :3] = np.floor(srgb_from_linear(light) * 255 + 0.5)[..., None]
+    return pixels
+
+
+_PALE = 0.92
+"""Linear light of a pale wall: below white, so that its grain is not cut off."""
+
+
+@lru_cache(maxsize=VARIANTS)
+def _pale_mean(variant: int) -> float:
+    """Linear light: the mean over a pale façade."""
+    material = pale_facade_material(variant)
+    assert material.texture is not None
+    return float(LINEAR_OF_BYTE[material.texture.pixels[..., 0]].mean(dtype=np.float64))
+
+
+def _lightness(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Luminance (Rec. 709) of (..., 3)."""
+    return np.asarray(0.2126 * linear[..., 0] + 0.7152 * linear[..., 1] + 0.0722 * linear[..., 2])
 
 
 def facade_pixels(variant: int) -> NDArray[np.uint8]:
