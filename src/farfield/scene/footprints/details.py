@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,17 @@ class Details:
         told = [part.told() for part in parts]
         names = [name for name in SIDES if any(name in fields for fields in told)]
         return cls(**{name: _joined(name, told, counts) for name in names})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """Of the n features of a table."""
+
+    height: NDArray[np.float64]
+    """(n,) metres from the ground to the roof, NaN where unknown."""
+    details: Details = field(default_factory=Details)
+    seed: NDArray[np.uint32] | None = None
+    """(n,) what looks are drawn from; None: from place and height."""
 
 
 def _joined(name: str, told: Sequence[dict[str, NDArray[Any]]], counts: Sequence[int]) -> NDArray[Any]:
