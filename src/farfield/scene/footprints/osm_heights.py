@@ -43,7 +43,9 @@ def known_heights(tags: Sequence[Tags]) -> NDArray[np.float64]:
     levels, roof = column["building:levels"], _positive(column["roof:height"])
     roof = np.where(np.isnan(roof), _positive(column["roof:levels"]) * STOREY, roof)
     by_levels = np.nan_to_num(levels) * STOREY + np.nan_to_num(roof)
-    for values in (column["height"], column["building:height"], np.where(np.isnan(levels), np.nan, by_levels)):
+    by_levels = np.where(np.isnan(levels), np.nan, by_levels)
+    dome = _lift(column) + roof  # A roof above others, without walls.
+    for values in (column["height"], column["building:height"], by_levels, dome):
         height = np.where(np.isnan(height) & (values > 0) & (values < TALLEST), values, height)
     return height
 
@@ -51,9 +53,7 @@ def known_heights(tags: Sequence[Tags]) -> NDArray[np.float64]:
 def lifts(tags: Sequence[Tags], height: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) metres above the ground where walls begin; a roof on pillars begins just below its top, `height`."""
     column = _columns(tags)
-    lift = column["min_height"]
-    lift = np.where(np.isnan(lift), column["building:min_height"], lift)
-    lift = np.where(np.isnan(lift), column["building:min_level"] * STOREY, lift)
+    lift = _lift(column)
     pillars = np.array([kind_of(own) == "roof" for own in tags], bool) & ~(lift > 0)
     lift = np.where(pillars, np.maximum(height - SLAB, 0.0), lift)
     return np.where((lift > 0) & (lift < TALLEST), lift, 0.0)
@@ -79,6 +79,11 @@ def kind_of(tags: Tags) -> str:
     """What a building or a part of one is, in a word of the map; "yes" where it is just that."""
     part = tags.get("building:part", "no")
     return part if part not in ("no", "yes") else tags.get("building", "yes")
+
+
+def _lift(column: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    lift = np.where(np.isnan(column["min_height"]), column["building:min_height"], column["min_height"])
+    return np.where(np.isnan(lift), column["building:min_level"] * STOREY, lift)
 
 
 def _columns(tags: Sequence[Tags]) -> dict[str, NDArray[np.float64]]:

@@ -30,6 +30,8 @@ class Parts:
         outline = np.full(len(shapes), -1)
         both = np.flatnonzero(building & part)
         outline[both] = _outlines(shapes, both, np.flatnonzero(building))
+        while (inner := np.flatnonzero((outline >= 0) & (outline[outline] >= 0))).size:
+            outline[inner] = outline[outline[inner]]
         single = np.flatnonzero(part & ~building)
         outline[single] = _outlines(shapes, single, np.flatnonzero(building & (outline < 0)))
         return cls(outline)
@@ -43,13 +45,15 @@ def _outlines(shapes: NDArray[np.object_], parts: NDArray[np.int64], buildings: 
     if not len(parts) or not len(buildings):
         return found
     which, tree = shapely.STRtree(shapes[buildings]).query(shapes[parts], predicate="intersects")
-    other = parts[which] != buildings[tree]
-    which, candidate = which[other], buildings[tree[other]]
-    share = shapely.area(shapely.intersection(shapes[parts[which]], shapes[candidate])) / shapely.area(
-        shapes[parts[which]]
-    )
+    area = shapely.area(shapes)
+    own, candidate = parts[which], buildings[tree]
+    # Of what is tagged as both the larger is never a part of the smaller.
+    larger = (area[candidate] > area[own]) | ((area[candidate] == area[own]) & (candidate < own))
+    larger = (larger | ~np.isin(own, buildings)) & (area[own] > 0)
+    which, own, candidate = which[larger], own[larger], candidate[larger]
+    share = shapely.area(shapely.intersection(shapes[own], shapes[candidate])) / area[own]
     # Of two that hold all of it the difference is rounding.
-    order = np.lexsort((candidate, shapely.area(shapes[candidate]), -np.round(share, 3), which))
+    order = np.lexsort((candidate, area[candidate], -np.round(share, 3), which))
     order = order[share[order] >= _OWN]
     rows, first = np.unique(which[order], return_index=True)
     found[rows] = candidate[order[first]]
@@ -59,9 +63,9 @@ def _outlines(shapes: NDArray[np.object_], parts: NDArray[np.int64], buildings: 
 def remainders(
     shapes: NDArray[np.object_], parts: Parts, height: NDArray[np.float64], lift: NDArray[np.float64]
 ) -> dict[int, Any]:
-    """What is left of every outline that has parts: row -> its shape, or None where nothing of it is drawn.
+    """What is left of the outlines that parts take away from: row -> its shape, or None where nothing of it is drawn.
 
-    Parts that begin on its roof, or above, take nothing away from it.
+    Parts that begin on the roof of their outline, or above, take nothing away from it: it is what they stand on.
     """
     import shapely
 
@@ -72,12 +76,11 @@ def remainders(
     rows = rows[np.argsort(parts.outline[rows], kind="stable")]
     outlines, first = np.unique(parts.outline[rows], return_index=True)
     for outline, own in zip(outlines.tolist(), np.split(rows, first[1:]), strict=True):
-        whole = shapes[outline]
-        area = shapely.area(whole)
-        if shapely.area(shapely.intersection(whole, shapely.union_all(shapes[own]))) >= COVERED * area:
-            left[outline] = None
-            continue
         within = own[lift[own] < height[outline]]
-        rest = shapely.difference(whole, shapely.union_all(shapes[within]))
-        left[outline] = rest if shapely.area(rest) > 0 else None
+        if not len(within):
+            continue
+        whole, drawn = shapes[outline], shapely.union_all(shapes[within])
+        covered = shapely.area(shapely.intersection(whole, drawn)) >= COVERED * shapely.area(whole)
+        rest = None if covered else shapely.difference(whole, drawn)
+        left[outline] = rest
     return left
