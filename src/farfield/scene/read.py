@@ -136,8 +136,8 @@ _READERS: dict[str, tuple[tuple[str, ...], str, _Reader]] = {
     ".fgb": (("FlatGeobuf",), "", _footprints),
     ".parquet": (("Parquet",), "", _footprints),
     ".geoparquet": (("Parquet",), "", _footprints),
-    ".pbf": (("OSM PBF file",), "", _footprints),
-    ".osm": (("OSM XML file",), "", _footprints),
+    ".pbf": (("OSM-PBF",), "", _footprints),
+    ".osm": (("OSM-XML",), "", _footprints),
     ".toml": ((), "", _toml),
 }
 """Extension -> kinds its content may be, the axis that is up (empty: fixed), and the reader."""

@@ -32,9 +32,9 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
 
 _EXTENSION = {"GLB": ".glb", "glTF": ".gltf", "PLY": ".ply", "OBJ": ".obj", "STL": ".stl", "FlatGeobuf": ".fgb",
               "GeoPackage": ".gpkg", "Parquet": ".parquet", "GeoJSON": ".geojson",
-              "OSM PBF file": ".osm.pbf", "OSM XML file": ".osm"}  # fmt: skip
+              "OSM-PBF": ".osm.pbf", "OSM-XML": ".osm"}  # fmt: skip
 
-_SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX", "OSM"}
+_SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX", "OSM-PBF", "OSM-XML"}
 
 
 def file_kind(path: Path) -> str:
@@ -45,12 +45,12 @@ def file_kind(path: Path) -> str:
         if head.startswith(magic):
             return kind
     if head[4:15] == b"\x0a\x09OSMHeader":
-        return "OSM PBF file"
+        return "OSM-PBF"
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if text.startswith(b"{"):
         return _json_kind(text)
     if text.startswith(b"<osm") or (text.startswith(b"<?xml") and b"<osm" in text):
-        return "OSM XML file"
+        return "OSM-XML"
     if _is_binary_stl(head, path.stat().st_size) or (text[:5].lower() == b"solid" and b"facet" in text):
         return "STL"
     words = {line.split(b" ")[0].strip() for line in text.split(b"\n")[:-1]}
