@@ -12,7 +12,10 @@ from farfield.cli.output import in_bytes, in_time, report
 from farfield.cli.progress import shown_progress
 
 SourcesArgument = Annotated[
-    list[Path], typer.Argument(metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, scene.toml.")
+    list[Path],
+    typer.Argument(
+        metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, OpenStreetMap, scene.toml."
+    ),
 ]
 WorldOption = Annotated[
     str,
