@@ -190,6 +190,41 @@ def test_placements_in_the_region_are_replaced_and_the_ground_stays(tmp_path: Pa
     assert ours == theirs
 
 
+def test_colours_and_storeys_above_the_ground_are_replaced_as_well(tmp_path: Path) -> None:
+    """Walls and roofs by columns, and towers that begin above other buildings, some of them exactly above."""
+    folder, place = tmp_path / "scene", tmp_path / "world"
+    folder.mkdir()
+    scene = folder / "scene.toml"
+    scene.write_text(
+        '[[source]]\npath = "town.geojson"\nwall_colour_attribute = "wall"\nroof_colour_attribute = "roof"\n'
+        'min_height_attribute = "above"\n'
+    )
+
+    towers = [(x, y, height + 9, f"above {name}") for x, y, height, name in BUILDINGS[::3]]
+
+    def town(buildings: Sequence[Building], wall: str) -> None:
+        path = write(folder / "town.geojson", buildings)
+        collection = json.loads(path.read_text())
+        for feature in collection["features"]:
+            own = feature["properties"]
+            x, y = feature["geometry"]["coordinates"][0][0]
+            if x % 80 == 0 and y % 60 == 0:
+                own["wall"] = wall if REGION[0] <= x < REGION[2] and REGION[1] <= y < REGION[3] else "tan"
+            own["roof"] = "navy" if y == 0 else None
+            own["above"] = own["height"] - 9 if own["name"].startswith("above") else None
+        path.write_text(json.dumps(collection))
+
+    town([*BUILDINGS, *towers], "red")
+    bake_sources([scene], place, OPTIONS)
+    town([*BUILDINGS, *towers][::-1], "green")
+    facts = update_place(place, [scene], workers=1, region=REGION)
+    assert 0 < facts["cells_rebuilt"] < facts["cells"] * 0.6
+    whole = whole_world(scene, tmp_path / "whole", place)
+    drop_garbage(DirectoryStore(place))
+    assert contents(place) == contents(whole)
+    assert update_place(place, [scene], workers=1)["cells_rebuilt"] == 0
+
+
 @pytest.mark.parametrize("region", ["1,2,3", "a,b,c,d", "5,0,5,1", "0,0,nan,1", "9,0,1,1"])
 def test_a_rectangle_is_asked_for(tmp_path: Path, region: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["update", str(tmp_path), "--region", region]) == 2

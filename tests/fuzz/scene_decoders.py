@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from farfield.errors import InputError
 from farfield.octree.grid import Grid
 from farfield.scene.cityjson.chunk import CityChunk
 from farfield.scene.cityjson.faces import Faces
+from farfield.scene.footprints.details import Details
 from farfield.scene.footprints.features import Features, chunk_at
 from farfield.scene.footprints.order import Square
 from farfield.scene.footprints.rings import Rings
@@ -54,7 +56,9 @@ def footprints() -> Decoder:
     xy = np.concatenate([box, court, box + 20, box + 40, box + (60, 0)]) - 7000.3
     rings = Rings(xy, np.arange(6) * 4, np.array([0, 2, 3, 4, 5]), np.array([0, 1, 1, 2]))
     features = Features(rings, np.array([0.0, 1.0, 2.5]), np.array([9.0, 12.0, 40.0]), np.arange(3, dtype=np.uint32))
-    corpus = (encode_features(features), encode_features(features.of(np.array([1]))))
+    color = np.array([(200, 40, 30, 255), (0, 0, 0, 0), (9, 9, 9, 255)], np.uint8)
+    detailed = replace(features, details=Details(np.array([0.0, 0.0, 2.5]), color, color[::-1]))
+    corpus = tuple(encode_features(each) for each in (features, features.of(np.array([1])), detailed))
     return Decoder("footprints", decode_features, corpus, (BARE, LISTING, ARRAYS, ARRAYS), _bound, _use_features)
 
 

@@ -295,3 +295,40 @@ def test_lyon(shared_data: Callable[[str], Path]) -> None:
     assert sum(mesh.object_count for mesh in meshes) == 2576
     for mesh in meshes:
         assert (np.einsum("mc,mc->m", facing(mesh), mesh.normals[mesh.triangles[:, 0]]) > 0).all()
+
+
+def test_columns_of_colours_and_beginnings(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.fgb", [SQUARE, COURT, TWO], height=[10.0, 20.0, 5.0], wall=["red", "#00f", "glassy"],
+                 roof=["", "grey", "white"], above=[0.0, 6.0, 9.0])  # fmt: skip
+    scene_file = tmp_path / "scene.toml"
+    scene_file.write_text(
+        '[[source]]\npath = "a.fgb"\nwall_colour_attribute = "wall"\nroof_colour_attribute = "roof"\n'
+        'min_height_attribute = "above"\nfacades = false\n'
+    )
+    scene = read_scene([scene_file])
+    assert [line.removeprefix(f"{path}: ") for line in scene.warnings] == [
+        "1 value of wall that are no colours",
+        "1 height that end below where the walls begin are taken from there",
+    ]
+    mesh = load(scene)
+    assert mesh.colors is not None
+    assert mesh.triangle_object is not None
+    for row, wall in enumerate(scene.attributes["wall"]):
+        corners = mesh.triangles[mesh.triangle_object == row].ravel()
+        z = mesh.positions[corners, 2]
+        told = {"red": (0, 10, (255, 0, 0)), "#00f": (6, 20, (0, 0, 255)), "glassy": (9, 14, None)}[wall]
+        assert (z.min(), z.max()) == told[:2]
+        if told[2]:
+            walls = mesh.normals[corners, 2] == 0
+            assert (mesh.colors[corners[walls], :3] == told[2]).all()
+
+
+def test_altitudes_of_roofs(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.fgb", [SQUARE, COURT, TWO], height=[10.0, 20.0, 5.0], roof=[108.0, np.nan, 90.0],
+                 ground=[100.0, 100.0, 100.0])  # fmt: skip
+    scene = read_scene([path], ReadOptions(base_attribute="ground", top_attribute="roof"))
+    mesh = load(scene)
+    assert mesh.triangle_object is not None
+    for row, height in enumerate(scene.attributes["height"]):
+        top = mesh.positions[mesh.triangles[mesh.triangle_object == row]][..., 2].max()
+        assert top == {10.0: 8, 20.0: 20, 5.0: 5}[height]

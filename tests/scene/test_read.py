@@ -25,6 +25,9 @@ def error_line(*paths: Path) -> str:
         ("a.glb", b"ply\nformat", "a.glb: is a PLY file, not GLB (rename it to a.ply)"),
         ("a.glb", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "a.glb: is an OBJ file, not GLB (rename it to a.obj)"),
         ("a.gltf", b'{"type": "FeatureCollection"}', "a.gltf: is a GeoJSON file, not glTF (rename it to a.geojson)"),
+        ("a.fgb", b"\0\0\0\x0e\x0a\x09OSMHeader", "a.fgb: is an OSM-PBF file, not FlatGeobuf (rename it to a.osm.pbf)"),
+        ("a.pbf", b'<?xml version="1.0"?>\n<osm>', "a.pbf: is an OSM-XML file, not OSM-PBF (rename it to a.osm)"),
+        ("a.osm", b"BZh91AY", "a.osm: is a bzip2 archive, not OSM-XML (check what was downloaded or exported)"),
         ("a.geojson", b'{"asset": {}}', "a.geojson: is a glTF file, not GeoJSON (rename it to a.gltf)"),
         ("a.fgb", b"SQLite format 3\0", "a.fgb: is a GeoPackage file, not FlatGeobuf (rename it to a.gpkg)"),
         ("a.glb", b"PK\3\4", "a.glb: is a ZIP archive, not GLB (check what was downloaded or exported)"),
@@ -48,7 +51,7 @@ def test_missing_folder_and_unknown_extension(tmp_path: Path) -> None:
     (tmp_path / "a.fbx").write_bytes(b"Kaydara FBX")
     assert error_line(tmp_path / "a.fbx") == (
         "a.fbx: .fbx is not a format that is read (one of .glb .gltf .obj .ply .stl .geojson .json .jsonl .gpkg .fgb "
-        ".parquet .geoparquet .toml)"
+        ".parquet .geoparquet .pbf .osm .toml)"
     )
 
 

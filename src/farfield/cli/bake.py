@@ -13,7 +13,9 @@ from farfield.cli.progress import shown_progress
 
 SourcesArgument = Annotated[
     list[Path],
-    typer.Argument(metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, CityJSON, scene.toml."),
+    typer.Argument(
+        metavar="SOURCE…", help="Files to bake: glTF, OBJ, PLY, STL, footprints, OpenStreetMap, CityJSON, scene.toml."
+    ),
 ]
 WorldOption = Annotated[
     str,

@@ -44,6 +44,10 @@ class SourceTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True)
     up: Literal["y", "z"] | None = None
     height_attribute: str | None = None
     base_attribute: str | None = None
+    top_attribute: str | None = None
+    min_height_attribute: str | None = None
+    wall_colour_attribute: str | None = None
+    roof_colour_attribute: str | None = None
     default_height: float | None = None
     layer: str | None = None
     facades: bool | None = None
@@ -123,12 +127,15 @@ def _in_words(message: str) -> str:
     return f"{text} in {found[3]} of {table}" if found[3] else f"{text} in {table}"
 
 
+_OPTIONS = (
+    "up", "height_attribute", "base_attribute", "top_attribute", "min_height_attribute", "wall_colour_attribute",
+    "roof_colour_attribute", "default_height", "layer", "facades", "lod",
+)  # fmt: skip
+"""Keys of a [[source]] that are options of its reader."""
+
+
 def _source(entry: SourceTable, table: SceneTable, path: Path, options: ReadOptions) -> Scene:
-    given = {
-        name: value
-        for name in ("up", "height_attribute", "base_attribute", "default_height", "layer", "facades", "lod")
-        if (value := getattr(entry, name)) is not None
-    }
+    given = {name.replace("colour", "color"): value for name in _OPTIONS if (value := getattr(entry, name)) is not None}
     scene = read_source(path.parent / entry.path, replace(options, **given))
     own = _transform(entry, path)[None]
     if entry.instances is not None:

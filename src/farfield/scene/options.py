@@ -29,6 +29,14 @@ class ReadOptions:
     """Footprints: the column of heights in metres; None: found by its name."""
     base_attribute: str | None = None
     """Footprints: the column of ground altitudes; None: the ground is flat at 0."""
+    top_attribute: str | None = None
+    """Footprints: the column of roof altitudes; heights are then these above the ground where both are known."""
+    min_height_attribute: str | None = None
+    """Footprints: the column of metres above the ground where the walls begin; None: at the ground."""
+    wall_color_attribute: str | None = None
+    """Footprints: the column of colours of the walls, as CSS has them; None: they are drawn by chance."""
+    roof_color_attribute: str | None = None
+    """Likewise of the roofs."""
     default_height: float | None = None
     """Footprints without a height get this, metres; None: they are left out and counted."""
     layer: str | None = None

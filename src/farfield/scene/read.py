@@ -48,7 +48,7 @@ def read_scene(sources: Sequence[Path | str], options: ReadOptions | None = None
 def _name_of(source: Path) -> str:
     """The file's name; of a scene.toml that of its folder."""
     source = source.resolve()
-    return source.parent.name if source.name == "scene.toml" else source.stem.removesuffix(".city")
+    return source.parent.name if source.name == "scene.toml" else source.stem.removesuffix(".city").removesuffix(".osm")
 
 
 def read_source(path: Path, options: ReadOptions) -> Scene:
@@ -147,6 +147,8 @@ _READERS: dict[str, tuple[tuple[str, ...], str, _Reader]] = {
     ".fgb": (("FlatGeobuf",), "", _footprints),
     ".parquet": (("Parquet",), "", _footprints),
     ".geoparquet": (("Parquet",), "", _footprints),
+    ".pbf": (("OSM-PBF",), "", _footprints),
+    ".osm": (("OSM-XML",), "", _footprints),
     ".toml": ((), "", _toml),
 }
 """Extension -> kinds its content may be, the axis that is up (empty: fixed), and the reader."""

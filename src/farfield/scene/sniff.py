@@ -25,6 +25,7 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
     (b"MM\x00*", "TIFF image"),
     (b"Kaydara FBX", "FBX"),
     (b"\x93NUMPY", "NumPy array"),
+    (b"BZh", "bzip2 archive"),
     (b"<!DOCTYPE html", "HTML page"),
     (b"<html", "HTML page"),
     (b"version https://git-lfs", "Git LFS pointer"),
@@ -32,9 +33,9 @@ _MAGIC: tuple[tuple[bytes, str], ...] = (
 
 _EXTENSION = {"GLB": ".glb", "glTF": ".gltf", "PLY": ".ply", "OBJ": ".obj", "STL": ".stl", "FlatGeobuf": ".fgb",
               "GeoPackage": ".gpkg", "Parquet": ".parquet", "GeoJSON": ".geojson",
-              "CityJSON": ".city.json"}  # fmt: skip
+              "CityJSON": ".city.json", "OSM-PBF": ".osm.pbf", "OSM-XML": ".osm"}  # fmt: skip
 
-_SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX"}
+_SPELT_WITH_A_VOWEL = {"OBJ", "STL", "HTML", "LAS", "FBX", "OSM-PBF", "OSM-XML"}
 
 
 def file_kind(path: Path) -> str:
@@ -44,9 +45,13 @@ def file_kind(path: Path) -> str:
     for magic, kind in _MAGIC:
         if head.startswith(magic):
             return kind
+    if head[4:15] == b"\x0a\x09OSMHeader":
+        return "OSM-PBF"
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     if text.startswith(b"{"):
         return _json_kind(text)
+    if text.startswith(b"<osm") or (text.startswith(b"<?xml") and b"<osm" in text):
+        return "OSM-XML"
     if _is_binary_stl(head, path.stat().st_size) or (text[:5].lower() == b"solid" and b"facet" in text):
         return "STL"
     words = {line.split(b" ")[0].strip() for line in text.split(b"\n")[:-1]}

@@ -18,9 +18,9 @@ from farfield.scene.cityjson.faces import Faces
 from farfield.scene.cityjson.objects import columns_of
 from farfield.scene.cityjson.templates import of_family
 from farfield.scene.faults import counted
-from farfield.scene.footprints.facades import content_seeds
 from farfield.scene.footprints.features import by_place, centres_of
 from farfield.scene.footprints.order import morton_codes, split
+from farfield.scene.footprints.seeds import content_seeds
 from farfield.scene.georeference import local_origin
 from farfield.scene.model import Instances, Scene
 from farfield.scene.options import ReadOptions

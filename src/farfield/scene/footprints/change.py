@@ -111,7 +111,8 @@ def by_place_of(table: Table | None) -> tuple[NDArray[np.uint64], NDArray[np.int
     """See `by_place`; of all features."""
     if table is None:
         return np.empty(0, np.uint64), np.empty(0, np.int64)
-    return by_place(table.features.boxes, np.arange(len(table.features)))
+    features = table.features
+    return by_place(features.boxes, np.arange(len(features)), features.details.lift)
 
 
 def tables_of(chunks: Sequence[FootprintChunk], columns: Mapping[str, Any], first: Sequence[int]) -> Iterator[Table]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.geometry.color import LINEAR_OF_BYTE, linear_from_srgb, srgb_from_linear
 from farfield.scene.model import Material, Texture
 from farfield.scene.procedural.noise import tiling_noise
 
@@ -78,6 +78,18 @@ def wall_tints(seed: NDArray[np.uint32], variant: NDArray[np.int64], textured: b
     return _opaque(base * tint)
 
 
+def given_tints(color: NDArray[np.uint8], variant: NDArray[np.int64], textured: bool) -> NDArray[np.uint8]:
+    """(n, 4) uint8 sRGB with which the walls have the wanted colours (n, 3 or 4), on the mean over a pale façade.
+
+    A colour lighter than the façade, which has windows, becomes as light as that, and keeps its hue.
+    """
+    linear = linear_from_srgb(color[:, :3] / 255.0)
+    if textured:
+        linear /= np.array([_pale_mean(k) for k in range(VARIANTS)])[variant][:, None]
+        linear /= np.maximum(linear.max(axis=1, initial=1.0), 1.0)[:, None]
+    return _opaque(srgb_from_linear(linear) * 255)
+
+
 def roof_colors(seed: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """(n, 4) uint8 sRGB: gravel, concrete and a few painted or planted roofs."""
     palette = np.array([[152, 150, 146], [134, 134, 134], [168, 164, 156], [120, 124, 128], [144, 132, 120],
@@ -101,6 +113,38 @@ def _plain() -> Material:
 def facade_material(variant: int) -> Material:
     """The material of a façade; made once a process, 20 ms each."""
     return Material(FACADES[variant].name, texture=Texture(facade_pixels(variant)), double_sided=False)
+
+
+@lru_cache(maxsize=VARIANTS)
+def pale_facade_material(variant: int) -> Material:
+    """The façade in grey, its wall nearly white, for tints of any colour."""
+    return Material(f"pale {FACADES[variant].name}", texture=Texture(pale_facade_pixels(variant)), double_sided=False)
+
+
+def pale_facade_pixels(variant: int) -> NDArray[np.uint8]:
+    """(512, 512, 4) uint8: lightness of the façade, its wall at _PALE; what is lighter than white is white."""
+    pixels = facade_pixels(variant)
+    wall = _lightness(linear_from_srgb(np.array(FACADES[variant].wall) / 255.0))
+    light = np.minimum(_lightness(LINEAR_OF_BYTE[pixels[..., :3]].astype(np.float64)) / wall * _PALE, 1.0)
+    pixels[..., :3] = np.floor(srgb_from_linear(light) * 255 + 0.5)[..., None]
+    return pixels
+
+
+_PALE = 0.92
+"""Linear light of a pale wall: below white, so that its grain is not cut off."""
+
+
+@lru_cache(maxsize=VARIANTS)
+def _pale_mean(variant: int) -> float:
+    """Linear light: the mean over a pale façade."""
+    material = pale_facade_material(variant)
+    assert material.texture is not None
+    return float(LINEAR_OF_BYTE[material.texture.pixels[..., 0]].mean(dtype=np.float64))
+
+
+def _lightness(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Luminance (Rec. 709) of (..., 3)."""
+    return np.asarray(0.2126 * linear[..., 0] + 0.7152 * linear[..., 1] + 0.0722 * linear[..., 2])
 
 
 def facade_pixels(variant: int) -> NDArray[np.uint8]:
@@ -150,20 +194,6 @@ def _panes(
     blind = (rng.random((FLOORS, BAYS, 1)) < look.lit) & (height > look.head - drawn * (look.head - look.sill))
     color = np.where(rng.random((FLOORS, BAYS, 1, 1)) < 0.3, np.array([214, 190, 138.0]), np.array([172, 172, 166.0]))
     return np.where(blind[..., None], color, glass)
-
-
-def content_seeds(centres: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.uint32]:
-    """(n,) uint32 from a building's place and height to 0.1 m: its looks do not depend on its neighbours or order."""
-    with np.errstate(over="ignore"):
-        mixed = _decimetres(centres[:, 0])
-        for part in (_decimetres(centres[:, 1]), _decimetres(height)):
-            mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9) + part
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return (mixed >> np.uint64(32)).astype(np.uint32)
-
-
-def _decimetres(metres: NDArray[Any]) -> NDArray[np.uint64]:
-    return np.round(metres * 10).astype(np.int64).astype(np.uint64)
 
 
 def _fraction(seed: NDArray[np.uint32], stream: int) -> NDArray[np.float64]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.scene.footprints.details import Details
 from farfield.scene.footprints.order import Square, morton_codes
 from farfield.scene.footprints.prisms import Buildings, prism_mesh
 from farfield.scene.footprints.rings import Rings, starts_of
@@ -21,18 +22,21 @@ class Features:
     rings: Rings
     """Vertices float64."""
     bottom: NDArray[np.float64]
-    """(n,) altitude of the ground."""
+    """(n,) altitude where the walls begin: that of the ground, or above it by the lift."""
     top: NDArray[np.float64]
     """(n,) altitude of the flat roof."""
     seed: NDArray[np.uint32]
     """(n,) what a building's looks are drawn from."""
+    details: Details = field(default_factory=Details)
 
     def __len__(self) -> int:
         return len(self.bottom)
 
     def of(self, rows: NDArray[np.int64]) -> Features:
         """Copies of some, in the order given."""
-        return Features(self.rings.of_features(rows), self.bottom[rows], self.top[rows], self.seed[rows])
+        return Features(
+            self.rings.of_features(rows), self.bottom[rows], self.top[rows], self.seed[rows], self.details.of(rows)
+        )
 
     @property
     def boxes(self) -> NDArray[np.float64]:
@@ -61,6 +65,7 @@ class Features:
             np.concatenate([part.bottom for part in parts]),
             np.concatenate([part.top for part in parts]),
             np.concatenate([part.seed for part in parts]),
+            Details.joined([part.details for part in parts], [len(part) for part in parts]),
         )
 
 
@@ -86,7 +91,7 @@ class FootprintChunk:
         corner, own = self.corner, self.features
         local = replace(own.rings, xy=(own.rings.xy - corner[:2]).astype(np.float32))
         bottom, top = ((z - corner[2]).astype(np.float32) for z in (own.bottom, own.top))
-        return prism_mesh(Buildings(local, bottom, top, own.seed), self.facades)
+        return prism_mesh(Buildings(local, bottom, top, own.seed, own.details), self.facades)
 
 
 def centres_of(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,11 +99,17 @@ def centres_of(boxes: NDArray[np.float64]) -> NDArray[np.float64]:
     return (boxes[:, :2] + boxes[:, 2:]) / 2
 
 
-def by_place(boxes: NDArray[np.float64], rows: NDArray[np.int64]) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
-    """Places of some features as ascending codes, and the features in that order; those in one square by centre."""
+def by_place(
+    boxes: NDArray[np.float64], rows: NDArray[np.int64], lift: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.uint64], NDArray[np.int64]]:
+    """Places of some features as ascending codes, and the features in that order; those in one square by centre, those
+    above each other by what lifts them.
+
+    boxes, lift: of all features.
+    """
     centres = centres_of(boxes[rows])
     codes = morton_codes(centres)
-    order = np.lexsort((centres[:, 1], centres[:, 0], codes))
+    order = np.lexsort((np.zeros(len(rows)) if lift is None else lift[rows], centres[:, 1], centres[:, 0], codes))
     return codes[order], rows[order]
 
 

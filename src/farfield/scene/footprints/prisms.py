@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.scene.footprints.details import Details
 from farfield.scene.footprints.facades import (
     BAY,
     BAYS,
@@ -17,17 +18,19 @@ from farfield.scene.footprints.facades import (
     PIER,
     VARIANTS,
     facade_material,
+    given_tints,
+    pale_facade_material,
     plain_material,
     roof_colors,
     variant_of,
     wall_tints,
 )
-from farfield.scene.footprints.rings import Rings, next_in_ring
-from farfield.scene.model import Mesh
+from farfield.scene.footprints.rings import Rings, next_in_ring, starts_of
+from farfield.scene.model import Material, Mesh
 from farfield.scene.surfaces.polygons import fan_corners
 
 SHORTEST_WINDOW_WALL = 1.5
-"""Metres; shorter walls have no windows."""
+"""Metres; shorter walls have no windows, and neither have slabs above the ground that are less high."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +39,18 @@ class Buildings:
 
     rings: Rings
     bottom: NDArray[np.float32]
-    """(n,) z of the ground."""
+    """(n,) z where the walls begin."""
     top: NDArray[np.float32]
     """(n,) z of the flat roof."""
     seed: NDArray[np.uint32]
     """(n,) what a building's looks are drawn from."""
+    details: Details = field(default_factory=Details)
+
+    @property
+    def lifted(self) -> NDArray[np.bool_]:
+        """(n,) which can be seen from below."""
+        lift = self.details.lift
+        return np.zeros(len(self.bottom), bool) if lift is None else lift > 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,23 +67,35 @@ class _Surface:
 
 
 def prism_mesh(buildings: Buildings, facades: bool) -> Mesh:
-    """Walls and roofs of all buildings; object = row of the building. Material 0 is plain, 1.. are façades."""
-    walls, roofs = _walls(buildings, facades), _roofs(buildings)
-    materials = (plain_material(), *(facade_material(k) for k in range(VARIANTS) if facades))
-    owner = np.concatenate([walls.building, roofs.building])
+    """Walls and roofs of all buildings, floors of those above the ground; object = row of the building.
+
+    Material 0 is plain, then come the façades, then, where a wall has a colour of its own, the pale façades it tints.
+    """
+    roofs = _roofs(buildings)
+    parts = [_walls(buildings, facades), roofs]
+    if buildings.lifted.any():
+        parts.append(_floors(buildings, roofs))
+    owner = np.concatenate([part.building for part in parts])
     order = np.argsort(owner, kind="stable")
-    triangles = np.concatenate([walls.triangles, roofs.triangles + len(walls.positions)])
+    before = starts_of(np.array([len(part.positions) for part in parts]))
+    triangles = np.concatenate([part.triangles + first for part, first in zip(parts, before[:-1], strict=True)])
     return Mesh(
-        positions=np.concatenate([walls.positions, roofs.positions]),
+        positions=np.concatenate([part.positions for part in parts]),
         triangles=triangles[order].astype(np.uint32),
-        normals=np.concatenate([walls.normals, roofs.normals]),
-        materials=materials,
-        triangle_material=np.concatenate([walls.material, roofs.material])[order],
-        uvs=np.concatenate([walls.uvs, roofs.uvs]),
-        colors=np.concatenate([walls.colors, roofs.colors]),
+        normals=np.concatenate([part.normals for part in parts]),
+        materials=_materials(facades, "wall_color" in buildings.details.told()),
+        triangle_material=np.concatenate([part.material for part in parts])[order],
+        uvs=np.concatenate([part.uvs for part in parts]),
+        colors=np.concatenate([part.colors for part in parts]),
         triangle_object=owner[order].astype(np.uint32),
         object_count=len(buildings.bottom),
     )
+
+
+def _materials(facades: bool, colored: bool) -> tuple[Material, ...]:
+    variants = range(VARIANTS if facades else 0)
+    pale = [pale_facade_material(k) for k in variants] if colored else []
+    return (plain_material(), *(facade_material(k) for k in variants), *pale)
 
 
 def _walls(buildings: Buildings, facades: bool) -> _Surface:
@@ -93,16 +115,29 @@ def _walls(buildings: Buildings, facades: bool) -> _Surface:
     quads = np.arange(len(a))[:, None] * 4 + np.array([0, 1, 2, 0, 2, 3])
     height = buildings.top - buildings.bottom
     variant = variant_of(buildings.seed, height)
-    tints = wall_tints(buildings.seed, variant, facades)
+    bare = buildings.lifted & (height < SHORTEST_WINDOW_WALL)
+    tints, given = _wall_colors(buildings, variant, facades)
     return _Surface(
         positions.reshape(-1, 3),
         quads.reshape(-1, 3),
         np.repeat(outward.astype(np.float32), 4, 0),
-        _wall_uvs(length, (top - bottom), buildings.seed[owner]),
+        _wall_uvs(np.where(bare[owner], 0.0, length), (top - bottom), buildings.seed[owner]),
         np.repeat(tints[owner], 4, 0),
-        np.repeat((variant[owner] + 1) * facades, 2).astype(np.uint16),
+        np.repeat((variant + 1 + VARIANTS * given)[owner] * facades, 2).astype(np.uint16),
         np.repeat(owner, 2),
     )
+
+
+def _wall_colors(
+    buildings: Buildings, variant: NDArray[np.int64], textured: bool
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """(n, 4) uint8 tints, and (n,) whose colour is given."""
+    tints, wanted = wall_tints(buildings.seed, variant, textured), buildings.details.wall_color
+    if wanted is None:
+        return tints, np.zeros(len(tints), bool)
+    given = wanted[:, 3] > 0
+    tints[given] = given_tints(wanted[given], variant[given], textured)
+    return tints, given
 
 
 def _wall_uvs(
@@ -128,14 +163,37 @@ def _roofs(buildings: Buildings) -> _Surface:
     triangles = roof_triangles(rings)
     count = len(rings.xy)
     top = buildings.top[owner].astype(np.float64)
+    colors, wanted = roof_colors(buildings.seed), buildings.details.roof_color
+    if wanted is not None:
+        colors = np.where(wanted[:, 3:] > 0, wanted, colors)
+        colors[:, 3] = 255
     return _Surface(
         np.concatenate([rings.xy.astype(np.float64), top[:, None]], 1),
         triangles,
         np.tile(np.array([0, 0, 1], np.float32), (count, 1)),
         np.zeros((count, 2), np.float32),
-        roof_colors(buildings.seed)[owner],
+        colors[owner],
         np.zeros(len(triangles), np.uint16),
         owner[triangles[:, 0]],
+    )
+
+
+def _floors(buildings: Buildings, roofs: _Surface) -> _Surface:
+    """The roofs of the buildings above the ground, moved down and turned over, in the colour of the walls."""
+    owner = _vertex_feature(buildings.rings)
+    seen = buildings.lifted[owner]
+    turned = roofs.triangles[buildings.lifted[roofs.building]][:, [0, 2, 1]]
+    positions = roofs.positions[seen]
+    positions[:, 2] = buildings.bottom[owner[seen]]
+    variant = variant_of(buildings.seed, buildings.top - buildings.bottom)
+    return _Surface(
+        positions,
+        (np.cumsum(seen) - 1)[turned],
+        -roofs.normals[seen],
+        roofs.uvs[seen],
+        _wall_colors(buildings, variant, False)[0][owner[seen]],
+        np.zeros(len(turned), np.uint16),
+        owner[turned[:, 0]],
     )
 
 

@@ -12,15 +12,18 @@ from farfield.errors import InputError
 from farfield.scene.assembly import scene_of
 from farfield.scene.faults import EXPORT_AGAIN, counted
 from farfield.scene.footprints import order
-from farfield.scene.footprints.facades import content_seeds
+from farfield.scene.footprints.details import Form
 from farfield.scene.footprints.features import Features, by_place, centres_of, chunk_at
-from farfield.scene.footprints.heights import heights_of, named_column, numbers
+from farfield.scene.footprints.form import form_of
+from farfield.scene.footprints.heights import named_column, numbers
 from farfield.scene.footprints.ogr import read_ogr, read_ogr_column
 from farfield.scene.footprints.order import split
+from farfield.scene.footprints.osm import read_osm
 from farfield.scene.footprints.outlines import BATCH, Outlines, outlines_of
 from farfield.scene.footprints.parquet import read_parquet
 from farfield.scene.footprints.repair import reports
 from farfield.scene.footprints.reproject import in_metres
+from farfield.scene.footprints.seeds import content_seeds
 from farfield.scene.footprints.table import FeatureTable
 from farfield.scene.georeference import local_origin
 from farfield.scene.model import Scene
@@ -37,17 +40,19 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     warnings: list[str] = []
     table = _table(path, options)
     if not len(table) and options.region is None:
-        raise InputError("holds no features", where, EXPORT_AGAIN)
+        why = f"; {table.notes[0]}" if table.notes else ""
+        raise InputError(f"holds no features{why}", where, EXPORT_AGAIN)
     if not len(table):
         return scene_of([], np.empty(0, np.int32), np.empty((0, 3, 4)), crs=options.crs, families=(where,),
-                        source_bytes=path.stat().st_size)  # fmt: skip
+                        source_bytes=path.stat().st_size, credits=table.credits)  # fmt: skip
+    warnings += [f"{where}: {line}" for line in table.notes]
     crs, project = in_metres(table, options.crs, where, warnings)
-    height = heights_of(table.columns, len(table), options.height_attribute, options.default_height, where)
     base = _base(table, path, options, warnings)
+    form = form_of(table, base, options, where, warnings)
     faults: Counter[str] = Counter()
     outlines = outlines_of(table, project, batch, faults)
     warnings += reports(faults, where)
-    chosen = ~np.isnan(height[outlines.row])
+    chosen = ~np.isnan(form.height[outlines.row])
     if lost := int((~chosen).sum()):
         warnings.append(f"{where}: left out {counted(lost, 'footprint')} without height; a default_height keeps them")
     if options.region is not None:
@@ -55,10 +60,11 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     elif not chosen.any():
         why = f"; {warnings[0].removeprefix(where + ': ')}" if warnings else ""
         raise InputError(f"holds no footprint that can be extruded{why}", where, "check its shapes and heights")
-    codes, features = by_place(outlines.box, np.flatnonzero(chosen))
+    lift = None if form.details.lift is None else form.details.lift[outlines.row]
+    codes, features = by_place(outlines.box, np.flatnonzero(chosen), lift)
     ranges = split(codes, options.buildings_per_mesh or order.BUILDINGS_PER_MESH)
     chunks = [
-        chunk_at(square, _features(outlines, features[a:b], base, height), where, options.facades)
+        chunk_at(square, _features(outlines, features[a:b], base, form), where, options.facades)
         for square, a, b in ranges
     ]
     corners = np.array([chunk.corner for chunk in chunks]).reshape(-1, 3)
@@ -70,18 +76,30 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     return scene_of(
         chunks, np.arange(len(chunks), dtype=np.int32), transforms, counts,
         crs=crs, origin=origin, source_bytes=path.stat().st_size, warnings=tuple(warnings), families=(where,),
+        credits=table.credits,
         attributes={name: table.columns.pop(name)[rows] for name in list(table.columns)},
     )  # fmt: skip
 
 
 def _table(path: Path, options: ReadOptions) -> FeatureTable:
-    if _is_parquet(path):  # Whole, whatever the region.
+    if _is_parquet(path):
         return read_parquet(path)
+    if _is_osm(path):
+        return read_osm(path, options.default_height)
     return read_ogr(path, options.layer, options.region, options.crs)
 
 
 def _is_parquet(path: Path) -> bool:
     return path.suffix.lower() in (".parquet", ".geoparquet")
+
+
+def _is_osm(path: Path) -> bool:
+    return path.suffix.lower() in (".pbf", ".osm")
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether all of it is read, whatever the region."""
+    return _is_parquet(path) or _is_osm(path)
 
 
 def _base(table: FeatureTable, path: Path, options: ReadOptions, warnings: list[str]) -> NDArray[np.float64]:
@@ -96,14 +114,14 @@ def _base(table: FeatureTable, path: Path, options: ReadOptions, warnings: list[
     warnings.append(
         f"{where}: {counted(int(unknown.sum()), 'footprint')} without {named} stand on the median of the others"
     )
-    part = options.region is not None and not _is_parquet(path)
+    part = options.region is not None and not _is_whole(path)
     every = numbers(read_ogr_column(path, options.layer, named)) if part else base
     return np.where(unknown, 0.0 if np.isnan(every).all() else np.nanmedian(every), base)
 
 
-def _features(
-    outlines: Outlines, features: NDArray[np.int64], base: NDArray[np.float64], height: NDArray[np.float64]
-) -> Features:
+def _features(outlines: Outlines, features: NDArray[np.int64], base: NDArray[np.float64], form: Form) -> Features:
     rows = outlines.row[features]
-    seeds = content_seeds(centres_of(outlines.box[features]), height[rows])
-    return Features(outlines.rings.of_features(features), base[rows], base[rows] + height[rows], seeds)
+    height, details = form.height[rows], form.details.of(rows)
+    seeds = form.seed[rows] if form.seed is not None else content_seeds(centres_of(outlines.box[features]), height)
+    bottom = base[rows] if details.lift is None else base[rows] + details.lift
+    return Features(outlines.rings.of_features(features), bottom, base[rows] + height, seeds, details)

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from farfield.scene.footprints.details import Form
+
 _MOST_KINDS = 65_536
 """Different texts of a column; one with more is a column of names or numbers, where sharing gains nothing."""
 _STRETCH = 65_536
@@ -28,6 +30,12 @@ class FeatureTable:
     """(n,) each; numbers, text (object) or ISO dates (object)."""
     crs: str | None
     """Authority code or WKT, or None."""
+    form: Form | None = None
+    """What stands on each feature, where the format tells more than columns can; None: the columns tell."""
+    credits: tuple[str, ...] = ()
+    """Whom the format obliges to name."""
+    notes: tuple[str, ...] = ()
+    """What reading left out or made up, and why, one line each."""
 
     def __len__(self) -> int:
         return sum(len(part) for part in self.wkb)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
+from farfield.scene.footprints.details import SIDES, Details
 from farfield.scene.footprints.features import Features, FootprintChunk, chunk_at
 from farfield.scene.footprints.order import Square
 from farfield.scene.footprints.rings import Rings
@@ -81,12 +82,15 @@ def encode_features(features: Features) -> bytes:
         "top": features.top,
         "seed": features.seed,
     }
+    arrays |= features.details.told()  # Of most buildings nothing, so that their chunks are what they always were.
     return encode_chunk(SceneChunk(KIND, {}, arrays))
 
 
 _SHAPES = {"xy": ("<f8", 2), "ring_start": ("<i8", 1), "polygon_start": ("<i8", 1), "polygon_feature": ("<i8", 1),
            "bottom": ("<f8", 1), "top": ("<f8", 1), "seed": ("<u4", 1)}  # fmt: skip
 """Array -> dtype and number of axes."""
+_DETAILS = {name: ("<f8" if name == "lift" else "|u1", 1 + len(sides)) for name, sides in SIDES.items()}
+"""Likewise of those that are there only if any building has them."""
 
 
 def decode_features(data: bytes, where: str = "") -> Features:
@@ -96,15 +100,18 @@ def decode_features(data: bytes, where: str = "") -> Features:
     if fault:
         raise CorruptTileError(f"scene chunk is damaged: {fault}", where)
     rings = Rings(*(arrays[name] for name in ("xy", "ring_start", "polygon_start", "polygon_feature")))
-    return Features(rings, arrays["bottom"], arrays["top"], arrays["seed"])
+    details = Details(**{name: arrays[name] for name in SIDES if name in arrays})
+    return Features(rings, arrays["bottom"], arrays["top"], arrays["seed"], details)
 
 
 def _fault(arrays: dict[str, NDArray[Any]]) -> str:
     """What would lead astray who walks the rings, or nothing."""
-    if {name: (a.dtype.str, a.ndim) for name, a in arrays.items()} != _SHAPES or arrays["xy"].shape[1] != 2:
+    wanted = _SHAPES | {name: shape for name, shape in _DETAILS.items() if name in arrays}
+    if {name: (a.dtype.str, a.ndim) for name, a in arrays.items()} != wanted or arrays["xy"].shape[1] != 2:
         return "its arrays are not those of footprints"
     count = len(arrays["bottom"])
-    if count == 0 or len(arrays["top"]) != count or len(arrays["seed"]) != count:
+    columns = {"top": (), "seed": (), **SIDES}
+    if count == 0 or any(arrays[name].shape != (count, *sides) for name, sides in columns.items() if name in arrays):
         return "columns of different lengths"
     for starts, things, least in (("ring_start", arrays["xy"], 3), ("polygon_start", arrays["ring_start"][1:], 1)):
         start = arrays[starts]
@@ -115,5 +122,5 @@ def _fault(arrays: dict[str, NDArray[Any]]) -> str:
         return "polygons without a feature, or features without a polygon"
     if (np.diff(owners) < 0).any():
         return "polygons out of order"
-    numbers = (arrays["xy"], arrays["bottom"], arrays["top"])
+    numbers = [arrays[name] for name in ("xy", "bottom", "top", "lift") if name in arrays]
     return "" if all((np.abs(a) <= _LARGEST).all() for a in numbers) else "a coordinate that is no number, or too large"
