@@ -17,7 +17,7 @@ from farfield.scene.assembly import compose, place, scene_of
 from farfield.scene.faults import reading
 from farfield.scene.georeference import local_origin, to_common_frame
 from farfield.scene.model import Scene
-from farfield.scene.options import ReadOptions
+from farfield.scene.options import Facades, ReadOptions
 from farfield.scene.procedural.ground import PATTERNS, GroundPlane
 from farfield.scene.read import read_source
 from farfield.scene.tables import read_table, turned
@@ -46,7 +46,8 @@ class SourceTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True)
     base_attribute: str | None = None
     default_height: float | None = None
     layer: str | None = None
-    facades: bool | None = None
+    facades: Facades | None = None
+    use_attribute: str | None = None
 
 
 class GroundTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True):
@@ -125,7 +126,15 @@ def _in_words(message: str) -> str:
 def _source(entry: SourceTable, table: SceneTable, path: Path, options: ReadOptions) -> Scene:
     given = {
         name: value
-        for name in ("up", "height_attribute", "base_attribute", "default_height", "layer", "facades")
+        for name in (
+            "up",
+            "height_attribute",
+            "base_attribute",
+            "default_height",
+            "layer",
+            "facades",
+            "use_attribute",
+        )
         if (value := getattr(entry, name)) is not None
     }
     scene = read_source(path.parent / entry.path, replace(options, **given))

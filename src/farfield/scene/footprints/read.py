@@ -22,6 +22,7 @@ from farfield.scene.footprints.parquet import read_parquet
 from farfield.scene.footprints.repair import reports
 from farfield.scene.footprints.reproject import in_metres
 from farfield.scene.footprints.table import FeatureTable
+from farfield.scene.footprints.use import uses_of, with_use
 from farfield.scene.georeference import local_origin
 from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions, inside
@@ -44,6 +45,7 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     crs, project = in_metres(table, options.crs, where, warnings)
     height = heights_of(table.columns, len(table), options.height_attribute, options.default_height, where)
     base = _base(table, path, options, warnings)
+    use = _use(table, options, where)
     faults: Counter[str] = Counter()
     outlines = outlines_of(table, project, batch, faults)
     warnings += reports(faults, where)
@@ -56,9 +58,9 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
         why = f"; {warnings[0].removeprefix(where + ': ')}" if warnings else ""
         raise InputError(f"holds no footprint that can be extruded{why}", where, "check its shapes and heights")
     codes, features = by_place(outlines.box, np.flatnonzero(chosen))
-    ranges = split(codes, options.buildings_per_mesh or order.BUILDINGS_PER_MESH)
+    ranges = split(codes, options.buildings_per_mesh or order.most_in_mesh(options.facades))
     chunks = [
-        chunk_at(square, _features(outlines, features[a:b], base, height), where, options.facades)
+        chunk_at(square, _features(outlines, features[a:b], base, height, use), where, options.facades)
         for square, a, b in ranges
     ]
     corners = np.array([chunk.corner for chunk in chunks]).reshape(-1, 3)
@@ -101,11 +103,26 @@ def _base(table: FeatureTable, path: Path, options: ReadOptions, warnings: list[
     return np.where(unknown, 0.0 if np.isnan(every).all() else np.nanmedian(every), base)
 
 
+def _use(table: FeatureTable, options: ReadOptions, where: str) -> NDArray[np.uint32] | None:
+    """(n,) what buildings are used for, where façades show it."""
+    if options.facades != "unique":
+        return None
+    if options.use_attribute is None:
+        return np.zeros(len(table), np.uint32)
+    return uses_of(table.columns[named_column(table.columns, options.use_attribute, where)])
+
+
 def _features(
-    outlines: Outlines, features: NDArray[np.int64], base: NDArray[np.float64], height: NDArray[np.float64]
+    outlines: Outlines,
+    features: NDArray[np.int64],
+    base: NDArray[np.float64],
+    height: NDArray[np.float64],
+    use: NDArray[np.uint32] | None,
 ) -> Features:
     rows = outlines.row[features]
     seeds = content_seeds(centres_of(outlines.box[features]), height[rows])
+    if use is not None:
+        seeds = with_use(seeds, use[rows])
     return Features(outlines.rings.of_features(features), base[rows], base[rows] + height[rows], seeds)
 
 
