@@ -123,6 +123,8 @@ class Styles:
     @classmethod
     def of(cls, seed: NDArray[np.uint32], height: NDArray[np.floating]) -> Styles:
         """height: (n,) metres. The lowest bits of a seed tell the use (use.with_use)."""
+        # Positions are single precision from the corner of a mesh, which moves with the neighbours.
+        height = np.round(height.astype(np.float64), 3)
         kind = _chosen(_SHARES[use_of(seed), np.digitize(height, _LIMITS)], fractions(seed, 8))
         drawn = {name: _between(seed, 16 + k, kind, ranges) for k, (name, ranges) in enumerate(_RANGES.items())}
         bay, floor = drawn["bay"], drawn["floor"]
