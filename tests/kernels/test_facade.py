@@ -23,9 +23,7 @@ def some_facade(seed: int, floors: int, bays: int, street: int) -> Facade:
 
 
 @settings(deadline=None, max_examples=40)
-@given(
-    st.integers(0, 10**6), st.integers(1, 7), st.integers(1, 9), st.integers(0, 3), st.sampled_from([16, 31, 64])
-)
+@given(st.integers(0, 10**6), st.integers(1, 7), st.integers(1, 9), st.integers(0, 3), st.sampled_from([16, 31, 64]))
 def test_as_the_plain_twin(seed: int, floors: int, bays: int, street: int, side: int) -> None:
     facade = some_facade(seed, floors, bays, street)
     pixels = np.zeros((side, side, 4), np.uint8)

@@ -141,9 +141,7 @@ def test_what_repeats_or_is_cut_out_or_large_stays() -> None:
     names = np.array([one.name for one in found.materials])[found.chunk.materials[::2]]
     assert names.tolist() == ["atlas", "tiling", "leaf", "photograph", "atlas", "plain"]
     stays = found.chunk.materials != 0
-    np.testing.assert_array_equal(
-        found.chunk.uvs[found.chunk.triangles[stays]], chunk.uvs[chunk.triangles[stays]]
-    )
+    np.testing.assert_array_equal(found.chunk.uvs[found.chunk.triangles[stays]], chunk.uvs[chunk.triangles[stays]])
 
 
 def test_fewer_than_two_are_left_alone() -> None:

@@ -152,8 +152,8 @@ def test_chunks_are_small_and_a_building_has_a_material(tmp_path: Path) -> None:
 
 
 def test_words_of_use() -> None:
-    words = ["Residential", "共同住宅", "Wohngebäude", "warehouse", "工場", "Bureaux", "OFFICE", "Commercial et services",
-             "店舗", "supermarket", "church", None, 3]  # fmt: skip
+    words = ["Residential", "共同住宅", "Wohngebäude", "warehouse", "工場", "Bureaux", "OFFICE",
+             "Commercial et services", "店舗", "supermarket", "church", None, 3]  # fmt: skip
     expected = [RESIDENTIAL] * 3 + [INDUSTRIAL] * 2 + [OFFICE] * 2 + [RETAIL] * 3 + [UNKNOWN] * 3
     assert uses_of(np.array(words, object)).tolist() == expected
 

@@ -57,7 +57,7 @@ class BakeOptions:
             raise OptionError(f"{self.samples} samples", "samples", "1 to 8 along each axis")
         if self.atlas_side and not (64 <= self.atlas_side <= 8192 and self.atlas_side % 8 == 0):
             raise OptionError(
-                f"{self.atlas_side} is not a side of an atlas", "--atlas-side", "0, or a multiple of 8, 64 to 8192"
+                f"{self.atlas_side} is not a side of an atlas", "atlas_side", "0, or a multiple of 8, 64 to 8192"
             )
         if self.scheduler and self.workers:
             raise OptionError(
