@@ -290,7 +290,7 @@ def paint_facade(facade, canvas, streaks, pixels):  # type: ignore[no-untyped-de
     """Paints all floors and bays of a façade, the ground floor at the bottom, row 0 at the roof.
 
     canvas: (side, side, 3) float32 and streaks: (side,) float32, scratch. pixels: (side, side, 4) uint8 sRGB, written.
-    256 x 256 take 1 ms, 512 x 512 3 ms.
+    256 x 256 take 0.8 ms, 512 x 512 3 ms.
     """
     side, own = canvas.shape[0], facade.colors
     canvas[:, :, 0], canvas[:, :, 1], canvas[:, :, 2] = own[WALL, 0], own[WALL, 1], own[WALL, 2]
