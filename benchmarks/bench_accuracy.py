@@ -35,7 +35,8 @@ from farfield.quality.metrics import flip_map, psnr
 from farfield.store.directory import DirectoryStore
 from farfield.store.opening import open_store
 from farfield.stream.accuracy import loss_from, picture_accuracy
-from farfield.stream.tree import NONE, CellTree, CellValues, merged_accuracy
+from farfield.stream.forms import CellValues, merged_accuracy
+from farfield.stream.tree import NONE, CellTree
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.near import MergedPart, NearGeometry

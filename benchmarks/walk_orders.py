@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.stream.tree import NONE, CellValues
+from farfield.stream.forms import CellValues
+from farfield.stream.tree import NONE
 from farfield.walk.link import SlowLink
 from farfield.walk.loops import run_apart
 from farfield.walk.measure import (

@@ -1,4 +1,4 @@
-"""BlockMaps of a bake: those of leaves from their triangles, those above from their children's as they are stored (BLK 4).
+"""BlockMaps of a bake: of leaves from their triangles, of those above from their children's as they are stored (BLK 4).
 
 They show all that is in a cell, instances too. Their errors are measured as those of merged geometry are.
 """

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.bake.instances import Listing, make_impostors, make_mesh_levels, shared_meshes
+from farfield.bake.instances import Listing, have_own_facades, make_impostors, make_mesh_levels, shared_meshes
 from farfield.bake.options import BakeOptions
 from farfield.bake.plan import Plan
 from farfield.bake.survey import MeshCache
@@ -37,6 +37,10 @@ LEVEL_FINENESS = 4
 mesh, and with normals of LEVEL_NORMAL_BITS, steps of two degrees, a third."""
 LEVEL_NORMAL_BITS = 6
 _TABLES_KEPT = 8
+_TABLES_BUDGET = 256 << 20
+"""Bytes of their images: where every building has one they are few enough to fit."""
+_NAMED_BUDGET = 1 << 29
+"""Bytes of images that are kept with the hashes of their files."""
 _IMAGES_BUDGET = 128 << 20
 """Bytes of decoded images that are kept."""
 _One = TypeVar("_One")
@@ -87,12 +91,13 @@ class BakeContext:
         self.meshes = meshes
         self.leaf_of: dict[CellKey, int] = {key: i for i, key in enumerate(job.plan.keys())}
         self.shared = shared_meshes(job.scene.instances, job.summaries, self.grid)
+        self.shared &= ~have_own_facades(job.scene.meshes)
         """(meshes,) bool: near geometry refers to it instead of copying it."""
         self.listing = Listing(self)
         self._threads = ThreadPoolExecutor(threads) if threads > 1 else None
         self._mips = MipCache()
         self._tables: OrderedDict[tuple[int, ...], LeafMaterials] = OrderedDict()
-        self._images: dict[tuple[int, bool, int], tuple[Texture, str, int]] = {}
+        self._images: OrderedDict[tuple[int, bool, int], tuple[Texture, str, int]] = OrderedDict()
         self._anchors: dict[int, NDArray[np.float64]] = {}
         self._mesh_levels: dict[int, tuple[MeshLevel, ...]] = {}
         self._impostors: dict[int, tuple[Impostor, ...]] = {}
@@ -127,10 +132,13 @@ class BakeContext:
             self._tables[meshes] = LeafMaterials(
                 MaterialTable.build(joined, TexturePool(self._mips)), tuple(joined), base
             )
-            while len(self._tables) > _TABLES_KEPT:
+            while len(self._tables) > _TABLES_KEPT or (len(self._tables) > 1 and self._table_bytes() > _TABLES_BUDGET):
                 self._tables.popitem(last=False)
         self._tables.move_to_end(meshes)
         return self._tables[meshes]
+
+    def _table_bytes(self) -> int:
+        return sum(one.table.arrays.pixels.nbytes for one in self._tables.values())
 
     def image_file(self, material: Material, halvings: int = 0) -> tuple[str, int]:
         """A material's image, its sides halved that often: its hash and bytes. It is stored by `keep`."""
@@ -143,7 +151,19 @@ class BakeContext:
             # The texture is kept with its hash: its id must not be given to another while the entry stands.
             made = self.image_of(encode_texture(Texture(levels[min(halvings, len(levels) - 1)])))
             self._images[place] = texture, *made
+        self._images.move_to_end(place)
+        while len(self._images) > 1 and sum(one.pixels.nbytes for one, _, _ in self._images.values()) > _NAMED_BUDGET:
+            self._images.popitem(last=False)
         return self._images[place][1:]
+
+    def forget(self, texture: Texture) -> None:
+        """Drops what was made of an image that no other leaf has, unless it is kept."""
+        for place in [place for place, (one, _, _) in self._images.items() if one is texture]:
+            self._unstored.pop(texture_key(self._images.pop(place)[1]), None)
+
+    def material_image(self, material: Material) -> bytes:
+        """The same for like images."""
+        return self._pixel_hash(material.texture)
 
     def material_hash(self, material: Material) -> bytes:
         """Over all that shows of a material."""

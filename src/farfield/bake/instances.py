@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.geometry.forms import Form, errors_at
 from farfield.represent.geometry.impostor import impostors_of
-from farfield.scene.model import Instances
+from farfield.scene.model import Instances, MeshSource
 from farfield.scene.stored.scene import MeshSummary
 from farfield.world.index import ERROR_SPACING, MESH_FARTHEST, MOST_INSTANCES, Impostor, InstancedMesh, MeshLevel
 from farfield.world.keys import texture_key
@@ -57,6 +57,11 @@ def shared_meshes(instances: Instances, summaries: Sequence[MeshSummary], grid: 
     if len(leaves):
         shared[instances.mesh[rows[small][count[of.ravel()] <= MOST_INSTANCES]]] = True
     return shared
+
+
+def have_own_facades(sources: Sequence[MeshSource]) -> NDArray[np.bool_]:
+    """(meshes,) which are buildings with an image each: leaves pack what they show of them, and need no other."""
+    return np.array([getattr(source, "facades", None) == "unique" for source in sources], np.bool_)
 
 
 class Listing:

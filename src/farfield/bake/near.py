@@ -13,6 +13,7 @@ from farfield.bake.instances import HALVINGS, SEEN, WIDTHS, instances_in
 from farfield.octree.grid import CellKey
 from farfield.represent.chunk import Chunk, merge
 from farfield.represent.geometry.forms import Form, errors_at, forms_of
+from farfield.represent.geometry.leaf_atlas import with_atlas
 from farfield.represent.geometry.write import PlacedMesh, leaf_glb
 from farfield.world.index import ERROR_SPACING, GeometryEntry, GeometryLevel, InstancedMesh
 from farfield.world.keys import content_hash, geometry_key
@@ -55,12 +56,19 @@ def near_geometry(
     """Stores a leaf's geometry in all its forms, and what is placed in it. parts: mesh -> its clipped pieces."""
     own = [piece for mesh, pieces in parts.items() if not context.shared[mesh] for piece in pieces]
     shared = [mesh for mesh in parts if context.shared[mesh]]
-    made = _Made(context, key, position, shared, materials)
     chunk = merge(own) if own else None
+    opaque = chunk is None or all(materials.materials[n].alpha_cutoff is None for n in np.unique(chunk.materials))
+    side = context.job.options.atlas_side
+    atlased = (
+        with_atlas(chunk, materials.materials, side, context.material_image) if chunk is not None and side else None
+    )
+    if atlased is not None:
+        chunk = atlased.chunk
+        materials = LeafMaterials(context.table(atlased.materials), atlased.materials, {})
+    made = _Made(context, key, position, shared, materials)
     full, data = made.form(chunk, 0, 0)
     made.keep(full, data)
     instances = instances_in(context, key, position, shared)
-    opaque = chunk is None or all(materials.materials[n].alpha_cutoff is None for n in np.unique(chunk.materials))
     if _size(full) <= FEWEST_BYTES:
         return NearGeometry(_entry(full, ()), instances, made.files, opaque)
     forms: tuple[Form, ...] = forms_of(chunk, materials.table) if chunk is not None else ()
@@ -70,6 +78,8 @@ def near_geometry(
         of = context.mesh_forms(mesh)
         listed.append(_Part(of, float(of[0].extent * scale.mean()), len(scale)))
     levels = made.levels(full, listed, context.grid.pitch(0))
+    if atlased is not None:
+        context.forget(atlased.texture)
     return NearGeometry(_entry(full, levels), instances, made.files, opaque)
 
 

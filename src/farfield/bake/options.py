@@ -50,6 +50,9 @@ class BakeOptions:
     """Size of the BlockMaps of cells, side:columns, such as "64:256"; empty: they have none."""
     object_ids: bool = True
     """Whether object ids of the first layer are written."""
+    atlas_side: int = 1024
+    """Texels along the sides of the image that the images of a leaf's near geometry are packed into, at most; 0: they
+    stay as they are."""
 
     def __post_init__(self) -> None:
         if self.leaf_size is not None and not 0 < self.leaf_size < 1e7:
@@ -62,6 +65,10 @@ class BakeOptions:
             raise OptionError(f"{self.quality!r} is not a preset", "--quality", f"one of {', '.join(QUALITIES)}")
         if not 1 <= self.samples <= 8:
             raise OptionError(f"{self.samples} samples", "samples", "1 to 8 along each axis")
+        if self.atlas_side and not (64 <= self.atlas_side <= 8192 and self.atlas_side % 8 == 0):
+            raise OptionError(
+                f"{self.atlas_side} is not a side of an atlas", "atlas_side", "0, or a multiple of 8, 64 to 8192"
+            )
         if self.scheduler and self.workers:
             raise OptionError(
                 f"{self.workers} workers beside a scheduler", "--workers", "leave it out: the cluster's workers bake"
@@ -81,6 +88,6 @@ class BakeOptions:
         """Hash of everything but the geometry that decides a cell's bytes."""
         vectors = [(d.number, d.vector) for d in self.direction_list()]
         facts = (BAKE_VERSION, grid.leaf_size, grid.resolution, grid.corner, vectors)
-        chosen = (self.depth_layers, self.quality, self.samples, self.geometry, self.object_ids)
+        chosen = (self.depth_layers, self.quality, self.samples, self.geometry, self.object_ids, self.atlas_side)
         kinds = self.orthoviews, self.blockmap
         return content_hash(repr((facts, chosen, kinds)).encode())

@@ -17,7 +17,7 @@ from farfield.scene.footprints.change import Columns, Standing, Table, replaced,
 from farfield.scene.footprints.features import FootprintChunk, chunk_at
 from farfield.scene.footprints.order import Square
 from farfield.scene.model import Instances, MeshSource, Scene
-from farfield.scene.options import Region, inside
+from farfield.scene.options import Facades, Region, inside
 from farfield.scene.stored.footprints import StoredFootprints
 from farfield.scene.stored.scene import MeshSummary, StoredScene, object_count
 from farfield.scene.stored.sources import words_of
@@ -230,7 +230,7 @@ def _meant(name: str, families: dict[str, list[int]], given: int) -> str:
     return next(iter(families))
 
 
-def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, bool]]:
+def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, Facades]]:
     """What was read of each file of footprints, and whether with façades."""
     if fresh is None:
         return {}
@@ -241,7 +241,7 @@ def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, bool]]:
             still = np.concatenate([np.eye(3), (chunk.corner - fresh.origin)[:, None]], axis=1)
             if not np.array_equal(own.transform[row], still):
                 raise _moved(chunk.family)
-    found: dict[str, tuple[Table | None, bool]] = dict.fromkeys(fresh.families, (None, True))
+    found: dict[str, tuple[Table | None, Facades]] = dict.fromkeys(fresh.families, (None, True))
     for family in found:
         placed = [
             (source, int(own.first_object[row]))
@@ -257,7 +257,7 @@ def _tables(fresh: Scene | None) -> dict[str, tuple[Table | None, bool]]:
 
 
 def _family(
-    scene: Scene, family: str, rows: list[int], given: tuple[Table | None, bool] | None, region: Region, store: Store
+    scene: Scene, family: str, rows: list[int], given: tuple[Table | None, Facades] | None, region: Region, store: Store
 ) -> _Rows:
     standing: list[Standing] = []
     for row in rows:
@@ -268,7 +268,7 @@ def _family(
     table, facades = given or (None, True)
     if table is None and standing:
         facades = scene.meshes[scene.instances.mesh[rows[0]]].facades  # type: ignore[attr-defined]
-    change = replaced(standing, table, region, order.BUILDINGS_PER_MESH, family, facades)
+    change = replaced(standing, table, region, order.most_in_mesh(facades), family, facades)
     kept = _Rows.of(scene, np.array([rows[k] for k in change.kept], np.int64))
     transforms = np.tile(np.eye(3, 4), (len(change.made), 1, 1))
     for k, (chunk, _) in enumerate(change.made):

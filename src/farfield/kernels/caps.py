@@ -20,8 +20,8 @@ def fill_inside(walls, objects, size, along_y, inside, known):  # type: ignore[n
     Each object is a body of its own.
 
     walls: (k, 5) x and y of both ends, in cells of the grid, and the sign of the normal's part along the line. objects:
-    (k,) of each, not 0. along_y: whether lines run along y. inside: (size, size) rows along y, out: object, 0 = outside;
-    only where it was 0. known: (size,) out: lines with any wall; of others nothing can be told.
+    (k,) of each, not 0. along_y: whether lines run along y. inside: (size, size) rows along y, out: object where it is
+    0 = outside. known: (size,) out: lines with any wall; of others nothing can be told.
     """
     first = np.zeros(size + 1, np.int64)
     across = 0 if along_y else 1

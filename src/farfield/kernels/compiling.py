@@ -29,3 +29,9 @@ def device(function: _Function) -> _Function:
     """A helper that becomes part of the kernels that call it; allocates nothing."""
     compiled: _Function = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
     return compiled
+
+
+def routine(function: _Function) -> _Function:
+    """A helper that kernels call from many places: inlined into each it would take long to compile."""
+    compiled: _Function = njit(nogil=True, error_model="numpy", _nrt=False)(function)
+    return compiled

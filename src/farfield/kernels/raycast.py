@@ -56,12 +56,14 @@ def cast_rays(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Draws a BlockMap into a frame; returns how many samples it is seen in.
 
-    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. slopes: (n, n, 4) metres
-    that the top rises from side to side of a texel along x and y, and for each metre. distances: (LEAPS, n, n), thresholds: (LEAPS,) of kernels.leaps. places: (n, n, 4, 3) of Unfolded.
+    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. slopes: (n, n, 4)
+    metres that the top rises from side to side of a texel along x and y, and for each metre. distances: (LEAPS, n, n),
+    thresholds: (LEAPS,) of kernels.leaps. places: (n, n, 4, 3) of Unfolded.
     azimuths: (n, n, 4) radians; colors: (n, n + m, 3) sRGB; objects: (n, n) or (0, 0).
-    box: (2, 3) texels along x and y and metres up from the cell's lower corner, to which rays are cut. to_ray: (3, 3) from samples (x, y, 1) to the
-    ray's direction, texels along x and y and metres up, 1 along the view axis. eye_texels: (3,) the eye in these.
-    sun: (3,). x0, y0: first sample of the frame's part, which frame_* are. highest: metres, end of the code's range.
+    box: (2, 3) texels along x and y and metres up from the cell's lower corner, to which rays are cut.
+    to_ray: (3, 3) from samples (x, y, 1) to the ray's direction, texels along x and y and metres up, 1 along the view
+    axis. eye_texels: (3,) the eye in these. sun: (3,). x0, y0: first sample of the frame's part, which frame_* are.
+    across: columns of a wall. by_area: see BlockMap. highest: metres, end of the range of codes.
     """
     n = heights.shape[0]
     height, width = frame_depth.shape

@@ -1,5 +1,5 @@
-"""The walls of a BlockMap unfolded: which sides of its texels are walls, in the order in which one walks along them, and
-where in the image of walls each has its place (BLK 3.1, 3.3).
+"""The walls of a BlockMap unfolded: which sides of its texels are walls, in the order in which one walks along them,
+and where in the image of walls each has its place (BLK 3.1, 3.3).
 
 Integers throughout: a reader finds the same order and the same places from the heights alone, so neither is stored.
 """
@@ -17,7 +17,7 @@ WEST, EAST, SOUTH, NORTH = 0, 1, 2, 3
 ROWS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64], np.int32)
 """How many rows of the image of walls a side may have."""
 
-# Walking along a side with the building on the left: south eastwards, east northwards, north westwards, west southwards.
+# Walking with the building on the left: along the south side eastwards, the east northwards, and so on.
 _ALONG_X = np.array([0, 0, 1, -1], np.int64)
 _ALONG_Y = np.array([-1, 1, 0, 0], np.int64)
 _OUT_X = np.array([-1, 1, 0, 0], np.int64)
@@ -123,8 +123,8 @@ def rows_of(drop, scale, most):  # type: ignore[no-untyped-def]
 def place_walls(codes, border, least, order, count, columns, across, sharing, scale, places):  # type: ignore[no-untyped-def]
     """Where each side lies in the image of walls: the highest first, row beside row; returns the rows that all take.
 
-    order, count: of `trace_walls`. columns: of the image. across: columns of a side; or, where `sharing` is above 1, one
-    column for so many sides. scale: see `rows_of`. places: (4 n n, 3) out: column, first row, rows.
+    order, count: of `trace_walls`. columns: of the image. across: of a side; or, where `sharing` is above 1, one column
+    for so many sides. scale: see `rows_of`. places: (4 n n, 3) out: column, first row, rows.
     """
     n = codes.shape[0]
     top = types.int64(0)

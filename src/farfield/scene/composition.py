@@ -17,7 +17,7 @@ from farfield.scene.assembly import compose, place, scene_of
 from farfield.scene.faults import reading
 from farfield.scene.georeference import local_origin, to_common_frame
 from farfield.scene.model import Scene
-from farfield.scene.options import ReadOptions
+from farfield.scene.options import Facades, ReadOptions
 from farfield.scene.procedural.ground import PATTERNS, GroundPlane
 from farfield.scene.read import read_source
 from farfield.scene.tables import read_table, turned
@@ -50,7 +50,8 @@ class SourceTable(_Table, kw_only=True, forbid_unknown_fields=True, frozen=True)
     roof_colour_attribute: str | None = None
     default_height: float | None = None
     layer: str | None = None
-    facades: bool | None = None
+    facades: Facades | None = None
+    use_attribute: str | None = None
     lod: float | None = None
 
 
@@ -129,7 +130,8 @@ def _in_words(message: str) -> str:
 
 _OPTIONS = (
     "up", "height_attribute", "base_attribute", "top_attribute", "min_height_attribute", "wall_colour_attribute",
-    "roof_colour_attribute", "default_height", "layer", "facades", "lod",
+    "roof_colour_attribute", "default_height", "layer", "facades", "use_attribute",
+    "lod",
 )  # fmt: skip
 """Keys of a [[source]] that are options of its reader."""
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 Region = tuple[float, float, float, float]
 """x0, y0, x1, y1: a rectangle of the plane in coordinates of the CRS, half-open."""
+Facades = bool | Literal["unique"]
+"""Walls of footprints: plain or with windows, or each building with windows of its own."""
 
 
 def inside(points: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
@@ -41,8 +43,11 @@ class ReadOptions:
     """Footprints without a height get this, metres; None: they are left out and counted."""
     layer: str | None = None
     """Footprints: the layer of a GeoPackage; None: the first."""
-    facades: bool = True
-    """Footprints and CityJSON: windowed walls; False: plain colours."""
+    facades: Facades = True
+    """Footprints and CityJSON: windowed walls; False: plain colours; footprints, "unique": a façade of their own for
+    all."""
+    use_attribute: str | None = None
+    """Footprints with unique façades: the column that says what buildings are used for; None: their height decides."""
     lod: float | None = None
     """CityJSON: of each object the highest level of detail that is not above it; None: the highest."""
     region: Region | None = None

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.represent.geometry.board import FULL_SINE, TILTS, TURNS, directions, squareness
+from farfield.stream.forms import CellValues
 from farfield.stream.outlook import Outlook
-from farfield.stream.tree import SLOTS, Boards, CellTree, CellValues
+from farfield.stream.tree import SLOTS, Boards, CellTree
 from farfield.world.index import MESH_FARTHEST, MOST_SIDES
 
 Floats = NDArray[np.float64]

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from farfield.stream.accuracy import level_accuracy, picture_accuracy
 from farfield.stream.boards import board_offers
+from farfield.stream.forms import NO_FORMS, CellValues, merged_accuracy
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions
-from farfield.stream.tree import NO_FORMS, NONE, REACH, CellValues, merged_accuracy
+from farfield.stream.tree import NONE, REACH
 from farfield.world.index import MESH_FARTHEST
 
 Floats = NDArray[np.float64]

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from farfield.octree.cut import view_bins
 from farfield.stream.accuracy import loss_from, picture_accuracy
+from farfield.stream.forms import CellValues
 from farfield.stream.geometry import GeometryKind
 from farfield.stream.offers import SHARES, Offers, parts_of
 from farfield.stream.outlook import Outlook
 from farfield.stream.regions import Regions, pixel_width
-from farfield.stream.tree import CellValues
 
 Floats = NDArray[np.float64]
 SHARP = 1.0

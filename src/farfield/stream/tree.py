@@ -13,14 +13,23 @@ from numpy.typing import NDArray
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey, Grid
 from farfield.represent.geometry.board import TILTS, TURNS
-from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS, picture_accuracy
+from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
+from farfield.stream.forms import (
+    NO_FORMS,
+    REACHES,
+    CellForms,
+    CellValues,
+    own_forms,
+    picture_errors,
+    together,
+    told_errors,
+)
 from farfield.stream.offers import SHARES
 from farfield.world.index import (
     ERROR_SPACING,
     MOST_SIDES,
     BlockMapEntry,
     CellEntry,
-    GeometryLevel,
     Impostor,
     InstancedMesh,
 )
@@ -47,62 +56,8 @@ REACH = 120.0
 SLOTS = MOST_SIDES + TURNS * (TILTS + 1)
 """Codes of the images of an impostor: its sides, then those that may be made on demand."""
 _SINGULAR = 1e-12
-_REACHES = 3
-"""Views that errors are told for."""
 REMEMBERED = 20_000
 """Cells seen from a side whose tiles are kept listed: some 30 MB."""
-
-
-@dataclass(frozen=True, slots=True)
-class CellValues:
-    """What shows a cell: its tiles, best first, or its geometry."""
-
-    cell: str
-    is_geometry: bool
-    keys: tuple[str, ...]
-    sizes: tuple[int, ...]
-    """Bytes of each."""
-    shares: tuple[float, ...]
-    """Of what all of them show; the sum is 1. None of geometry, which is shown by all or nothing."""
-    steps: tuple[int, ...]
-    """How many of them are offered together, ascending."""
-    leaves: int = 1
-    """How many leaves' geometry it is, `cell` and those after it."""
-    level: int = 0
-    """Of geometry: 0 = full, the larger the coarser."""
-    refers: frozenset[str] = frozenset()
-    """Those of the keys that other cells' geometry may have too: meshes and images."""
-    listed: frozenset[str] = frozenset()
-    """Those of the keys that are meshes of which leaves below list instances: they are sent by themselves."""
-
-    def shown_by(self, held: set[str]) -> float:
-        """Share that the viewer has."""
-        there = [key in held for key in self.keys]
-        if self.is_geometry:
-            return float(all(there))
-        return sum(share for share, is_there in zip(self.shares, there, strict=True) if is_there)
-
-
-@dataclass(frozen=True, slots=True)
-class CellForms:
-    """A cell as geometry, from fine to coarse.
-
-    Of a leaf its forms; of others those of all leaves below together, then those of its own, merged of all of these.
-    """
-
-    values: tuple[CellValues, ...]
-    errors: Floats
-    """(forms, 3) 0 = like the full geometry, 1 = as nothing; where a pixel is as wide as one of a leaf's pictures,
-    of a mesh MESH_FARTHEST times as wide, then ERROR_SPACING times as narrow each. Of its own see `merged_accuracy`."""
-    far: NDArray[np.bool_]
-    """(forms,) whether it has few enough triangles to be drawn from farther than near."""
-    merged: int = 0
-    """How many, the last ones, are the cell's own."""
-
-    @property
-    def is_merged(self) -> NDArray[np.bool_]:
-        """(forms,) whether it is the cell's own."""
-        return np.arange(len(self.values)) >= len(self.values) - self.merged
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +92,7 @@ class Boards:
             np.cumsum([0, *(len(mesh.impostors) for mesh in meshes)], dtype=np.int64),
             np.array([one.rows for _, _, one in all_of], np.int64),
             np.array([len(one.images) for _, _, one in all_of], np.int64),
-            np.array([told_errors(one.errors) for _, _, one in all_of]).reshape(-1, _REACHES),
+            np.array([told_errors(one.errors) for _, _, one in all_of]).reshape(-1, REACHES),
             values,
             tuple(mesh.levels[0].hash for mesh, _, _ in all_of),
             {one.keys[0]: SLOTS * n + side for n, own in enumerate(values) for side, one in enumerate(own)},
@@ -242,7 +197,7 @@ class Instances:
         counts = tuple(tuple(level.triangles for level in mesh.levels) for mesh in meshes)
         every = np.concatenate(bounds), np.concatenate(turns), np.array(objects, np.int64)
         levels = np.array(list(map(len, counts)), np.int64)
-        told = np.ones((len(meshes), int(levels.max(initial=0)), _REACHES))
+        told = np.ones((len(meshes), int(levels.max(initial=0)), REACHES))
         for number, mesh_forms in enumerate(forms):
             told[number, : len(mesh_forms.errors)] = mesh_forms.errors
         table = np.ones(told.shape[:2])
@@ -284,9 +239,6 @@ def _inverse(transforms: Floats) -> Floats:
     return found
 
 
-NO_FORMS = CellForms((), np.zeros((0, _REACHES)), np.zeros(0, bool))
-
-
 class CellTree:
     """Every cell of a world, parents before children and the children of each in a row, read from its index once.
 
@@ -307,7 +259,7 @@ class CellTree:
         self.errors = np.array([entry.error for entry in entries], np.float64)
         """(n,) metres between the pixels of their pictures."""
         told = [told_errors(errors) if (errors := picture_errors(entry)) else np.array(UNTOLD) for entry in entries]
-        self.told = np.array(told).reshape(-1, _REACHES)
+        self.told = np.array(told).reshape(-1, REACHES)
         """(n, 3) errors of their pictures, 0 to 1, for the views that CellEntry.errors tells them for."""
         self.losses = np.full(len(entries), UNTOLD_LOSS)
         """(n,) what is lost of each cell by the pictures of its parent in its place (CellEntry.losses)."""
@@ -403,7 +355,7 @@ class CellTree:
         return finest != NONE and level >= min(finest, levels - 1)
 
     def _forms(self, cell: int) -> CellForms:
-        return _together(self._joined(cell), self.merged(cell))
+        return together(self._joined(cell), self.merged(cell))
 
     def _merged(self, cell: int) -> CellForms:
         if not self.has_merged[cell]:
@@ -462,48 +414,11 @@ class CellTree:
         farthest: pixels of a leaf's pictures that one is wide in the first view that they are told for.
         """
         narrow = np.log(farthest * self.grid.pitch(0) / np.maximum(widths, 1e-9)) / np.log(ERROR_SPACING)
-        at = np.clip(narrow, 0.0, _REACHES - 1.0)
-        below = np.minimum(at.astype(np.int64), _REACHES - 2)
+        at = np.clip(narrow, 0.0, REACHES - 1.0)
+        below = np.minimum(at.astype(np.int64), REACHES - 2)
         rows = np.arange(len(told))[:, None]
         low, high = told[rows, below], told[rows, below + 1]
         return np.asarray(low + (high - low) * (at - below))
-
-
-def merged_accuracy(told: Floats, pitch: Floats | float, widths: Floats) -> Floats:
-    """(f, k) how well merged geometry shows cells whose pictures have pixels `pitch` metres wide, (f, 1).
-
-    told: (f, 3) or (3,) as CellForms has them; widths: (f, k) metres that pixels of the screen are wide. From nearer
-    than is told of it goes on as pictures do: one sees its faces and texels.
-    """
-    return picture_accuracy(np.asarray(told)[..., None, :], pitch / widths)
-
-
-def own_forms(entry: CellEntry) -> tuple[GeometryLevel | BlockMapEntry, ...]:
-    """What a cell may be drawn by in place of its tiles that is its own and no leaf's, a BlockMap last."""
-    merged = entry.geometry.forms if entry.geometry and entry.cell.level > 0 else ()
-    return (*merged, entry.blockmap) if entry.tiles and entry.blockmap is not None else merged
-
-
-def picture_errors(entry: CellEntry) -> tuple[int, ...]:
-    """Those of its tiles, or of the BlockMap in their place."""
-    return entry.errors if entry.tiles or entry.blockmap is None else entry.blockmap.errors
-
-
-def _together(fine: CellForms, coarse: CellForms) -> CellForms:
-    if not fine.values or not coarse.values:
-        return fine if fine.values else coarse
-    return CellForms(
-        fine.values + coarse.values,
-        np.concatenate([fine.errors, coarse.errors]),
-        np.concatenate([fine.far, coarse.far]),
-        coarse.merged,
-    )
-
-
-def told_errors(errors: Sequence[int]) -> Floats:
-    """(3,) errors of the index, 0 to 1; what is told for fewer views goes on as it ends."""
-    known = tuple(errors[:_REACHES]) or (0,)
-    return np.array([*known, *known[-1:] * (_REACHES - len(known))]) / 255
 
 
 def _steps(shares: Sequence[float]) -> tuple[int, ...]:

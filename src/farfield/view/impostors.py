@@ -23,7 +23,8 @@ from farfield.represent.geometry.read import read_mesh_glb
 from farfield.represent.geometry.texture import decode_texture
 from farfield.represent.materials import MaterialTable, TexturePool
 from farfield.store.contract import Store
-from farfield.stream.tree import CellForms, Instances
+from farfield.stream.forms import CellForms
+from farfield.stream.tree import Instances
 from farfield.world.keys import DynamicImpostor, mesh_key, texture_key
 
 ENOUGH_TRIANGLES = 50_000

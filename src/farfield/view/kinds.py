@@ -13,8 +13,9 @@ from farfield.octree.cut import view_bin
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import board_matrix, dynamic_angle, side_angles, sines, squareness
 from farfield.stream.accuracy import loss_from, picture_accuracy
+from farfield.stream.forms import CellForms, merged_accuracy, own_forms, told_errors
 from farfield.stream.regions import pixel_width
-from farfield.stream.tree import NONE, REACH, CellForms, CellTree, merged_accuracy, own_forms, told_errors
+from farfield.stream.tree import NONE, REACH, CellTree
 from farfield.world.index import MESH_FARTHEST, BlockMapEntry, CellEntry, GeometryLevel, Impostor
 from farfield.world.keys import DYNAMIC, DynamicImpostor, texture_key
 from farfield.world.world import World

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from farfield.scene.footprints.features import Features, FootprintChunk, by_place, centres_of, chunk_at
 from farfield.scene.footprints.order import Square, split
-from farfield.scene.options import Region, inside
+from farfield.scene.options import Facades, Region, inside
 
 Columns = dict[str, list[Any]]
 """Attributes: name -> a value for each feature."""
@@ -76,7 +76,7 @@ class Change:
 
 
 def replaced(
-    standing: Sequence[Standing], fresh: Table | None, region: Region, most: int, family: str, facades: bool
+    standing: Sequence[Standing], fresh: Table | None, region: Region, most: int, family: str, facades: Facades
 ) -> Change:
     """The chunks of a file whose features with their middle in `region` are replaced by those of `fresh`.
 

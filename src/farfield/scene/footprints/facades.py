@@ -53,6 +53,9 @@ FACADES = (
 )  # fmt: skip
 VARIANTS = len(FACADES)
 
+SHORTEST_WINDOW_WALL = 1.5
+"""Metres; shorter walls have no windows."""
+
 _WEIGHTS = np.array(
     [[0.15, 0.02, 0.0, 0.18, 0.45, 0.20, 0.0], [0.30, 0.18, 0.05, 0.17, 0.12, 0.15, 0.03],
      [0.12, 0.28, 0.36, 0.0, 0.0, 0.06, 0.18]]
@@ -65,14 +68,14 @@ _LIMITS = (11.0, 42.0)
 def variant_of(seed: NDArray[np.uint32], height: NDArray[np.floating]) -> NDArray[np.int64]:
     """(n,) façade of each building, by its seed and height."""
     shares = np.cumsum(_WEIGHTS, axis=1)[np.digitize(height, _LIMITS)]
-    passed: NDArray[np.int64] = np.sum(_fraction(seed, 0)[:, None] >= shares, axis=1)
+    passed: NDArray[np.int64] = np.sum(fractions(seed, 0)[:, None] >= shares, axis=1)
     return np.minimum(passed, VARIANTS - 1)
 
 
 def wall_tints(seed: NDArray[np.uint32], variant: NDArray[np.int64], textured: bool) -> NDArray[np.uint8]:
     """(n, 4) uint8 sRGB, multiplied with the texture, or the wall's own colour when there is none."""
-    lightness = 0.80 + 0.20 * _fraction(seed, 1)
-    warmth = (_fraction(seed, 2) - 0.5) * 0.10
+    lightness = 0.80 + 0.20 * fractions(seed, 1)
+    warmth = (fractions(seed, 2) - 0.5) * 0.10
     tint = lightness[:, None] * np.stack([1 + warmth.clip(None, 0), 1 - np.abs(warmth) / 2, 1 - warmth.clip(0)], -1)
     base = np.full((len(seed), 3), 255.0) if textured else np.array([f.wall for f in FACADES], np.float64)[variant]
     return _opaque(base * tint)
@@ -95,8 +98,8 @@ def roof_colors(seed: NDArray[np.uint32]) -> NDArray[np.uint8]:
     palette = np.array([[152, 150, 146], [134, 134, 134], [168, 164, 156], [120, 124, 128], [144, 132, 120],
                         [112, 124, 108], [150, 118, 104]], np.float64)  # fmt: skip
     share = np.cumsum([0.28, 0.2, 0.22, 0.14, 0.08, 0.05])
-    kind = np.digitize(_fraction(seed, 3), share)
-    return _opaque(palette[kind] * (0.86 + 0.26 * _fraction(seed, 4))[:, None])
+    kind = np.digitize(fractions(seed, 3), share)
+    return _opaque(palette[kind] * (0.86 + 0.26 * fractions(seed, 4))[:, None])
 
 
 def plain_material() -> Material:
@@ -196,7 +199,7 @@ def _panes(
     return np.where(blind[..., None], color, glass)
 
 
-def _fraction(seed: NDArray[np.uint32], stream: int) -> NDArray[np.float64]:
+def fractions(seed: NDArray[np.uint32], stream: int) -> NDArray[np.float64]:
     """(n,) in 0..1, independent for each stream."""
     mixed = seed.astype(np.uint64) + np.uint64((0x9E3779B97F4A7C15 * (stream + 1)) % (1 << 64))
     with np.errstate(over="ignore"):

@@ -13,6 +13,7 @@ from farfield.scene.footprints.order import Square, morton_codes
 from farfield.scene.footprints.prisms import Buildings, prism_mesh
 from farfield.scene.footprints.rings import Rings, starts_of
 from farfield.scene.model import Mesh
+from farfield.scene.options import Facades
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +79,7 @@ class FootprintChunk:
     """The file: its chunks share their quadtree."""
     square: Square
     features: Features
-    facades: bool
+    facades: Facades
 
     @property
     def corner(self) -> NDArray[np.float64]:
@@ -113,6 +114,6 @@ def by_place(
     return codes[order], rows[order]
 
 
-def chunk_at(square: Square, features: Features, family: str, facades: bool) -> FootprintChunk:
+def chunk_at(square: Square, features: Features, family: str, facades: Facades) -> FootprintChunk:
     """The chunk of a square, named by its place."""
     return FootprintChunk(f"{family}, {square}", family, square, features, facades)

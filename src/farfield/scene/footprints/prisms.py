@@ -16,6 +16,7 @@ from farfield.scene.footprints.facades import (
     FLOOR,
     FLOORS,
     PIER,
+    SHORTEST_WINDOW_WALL,
     VARIANTS,
     facade_material,
     given_tints,
@@ -26,11 +27,10 @@ from farfield.scene.footprints.facades import (
     wall_tints,
 )
 from farfield.scene.footprints.rings import Rings, next_in_ring, starts_of
+from farfield.scene.footprints.unique import FACADE_SIDE, Layout, Styles
 from farfield.scene.model import Material, Mesh
+from farfield.scene.options import Facades
 from farfield.scene.surfaces.polygons import fan_corners
-
-SHORTEST_WINDOW_WALL = 1.5
-"""Metres; shorter walls have no windows, and neither have slabs above the ground that are less high."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,13 +66,18 @@ class _Surface:
     """(m,) per triangle."""
 
 
-def prism_mesh(buildings: Buildings, facades: bool) -> Mesh:
+def prism_mesh(buildings: Buildings, facades: Facades) -> Mesh:
     """Walls and roofs of all buildings, floors of those above the ground; object = row of the building.
 
     Material 0 is plain, then come the façades, then, where a wall has a colour of its own, the pale façades it tints.
+    Unique façades keep their colours.
     """
     roofs = _roofs(buildings)
-    parts = [_walls(buildings, facades), roofs]
+    if facades == "unique":
+        walls, own = _unique_walls(buildings)
+    else:
+        walls, own = _walls(buildings, facades), _shared(facades, "wall_color" in buildings.details.told())
+    parts = [walls, roofs]
     if buildings.lifted.any():
         parts.append(_floors(buildings, roofs))
     owner = np.concatenate([part.building for part in parts])
@@ -83,7 +88,7 @@ def prism_mesh(buildings: Buildings, facades: bool) -> Mesh:
         positions=np.concatenate([part.positions for part in parts]),
         triangles=triangles[order].astype(np.uint32),
         normals=np.concatenate([part.normals for part in parts]),
-        materials=_materials(facades, "wall_color" in buildings.details.told()),
+        materials=(plain_material(), *own),
         triangle_material=np.concatenate([part.material for part in parts])[order],
         uvs=np.concatenate([part.uvs for part in parts]),
         colors=np.concatenate([part.colors for part in parts]),
@@ -92,38 +97,81 @@ def prism_mesh(buildings: Buildings, facades: bool) -> Mesh:
     )
 
 
-def _materials(facades: bool, colored: bool) -> tuple[Material, ...]:
+def _shared(facades: bool, colored: bool) -> tuple[Material, ...]:
+    """The façades that buildings share."""
     variants = range(VARIANTS if facades else 0)
     pale = [pale_facade_material(k) for k in variants] if colored else []
-    return (plain_material(), *(facade_material(k) for k in variants), *pale)
+    return (*(facade_material(k) for k in variants), *pale)
 
 
 def _walls(buildings: Buildings, facades: bool) -> _Surface:
     """One quad an edge, its corners counter-clockwise from outside: bottom left, bottom right, top right, top left."""
+    a, b, owner, length = _edges(buildings)
+    height = buildings.top - buildings.bottom
+    variant = variant_of(buildings.seed, height)
+    bare = buildings.lifted & (height < SHORTEST_WINDOW_WALL)
+    tints, given = _wall_colors(buildings, variant, facades)
+    rise = buildings.top[owner].astype(np.float64) - buildings.bottom[owner].astype(np.float64)
+    uvs = _wall_uvs(np.where(bare[owner], 0.0, length), rise, buildings.seed[owner])
+    return _quads(buildings, (a, b, owner), uvs, tints[owner], (variant + 1 + VARIANTS * given)[owner] * facades)
+
+
+def _unique_walls(buildings: Buildings) -> tuple[_Surface, tuple[Material, ...]]:
+    """As `_walls`, and a material for each building; walls longer than a façade are cut between bays."""
+    a, b, owner, length = _edges(buildings)
+    styles = Styles.of(buildings.seed, buildings.top.astype(np.float64) - buildings.bottom)
+    layout = Layout.of(length, owner, styles)
+    a, b, owner = a[layout.wall], b[layout.wall], owner[layout.wall]
+    low, high = layout.share[:, :1], layout.share[:, 1:]
+    # A wall that is whole keeps its corners to the bit.
+    first = np.where(low > 0, a + (b - a) * low, a)
+    last = np.where(high < 1, a + (b - a) * high, b)
+    # Half a texel within, so that the roof's edge never shows at the ground where textures repeat.
+    inset = np.full(len(owner), 0.5 / FACADE_SIDE)
+    left, right = layout.u.T
+    uvs = np.stack([left, 1 - inset, right, 1 - inset, right, inset, left, inset], 1)
+    white = np.full((len(owner), 4), 255, np.uint8)
+    walls = _quads(buildings, (first, last, owner), uvs.reshape(-1, 2).astype(np.float32), white, owner + 1)
+    bays = layout.bays.tolist()
+    return walls, tuple(styles.material(row, bays[row]) for row in range(len(bays)))
+
+
+def _edges(
+    buildings: Buildings,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Both ends of each wall, its building and its length."""
     rings = buildings.rings
     a = rings.xy.astype(np.float64)
     b = a[next_in_ring(rings.ring_start)]
     owner = _vertex_feature(rings)
     length = np.hypot(*(b - a).T)
     solid = length > 1e-3
-    a, b, owner, length = a[solid], b[solid], owner[solid], length[solid]
+    return a[solid], b[solid], owner[solid], length[solid]
+
+
+def _quads(
+    buildings: Buildings,
+    walls: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]],
+    uvs: NDArray[np.float32],
+    colors: NDArray[np.uint8],
+    material: NDArray[np.int64],
+) -> _Surface:
+    """walls: both ends and the building of each. uvs: of four corners each. colors, material: of each wall."""
+    a, b, owner = walls
+    length = np.hypot(*(b - a).T)
     bottom, top = buildings.bottom[owner].astype(np.float64), buildings.top[owner].astype(np.float64)
     positions = np.empty((len(a), 4, 3))
     positions[:, :, :2] = np.stack([a, b, b, a], 1)
     positions[:, :, 2] = np.stack([bottom, bottom, top, top], 1)
     outward = np.stack([(b - a)[:, 1] / length, -(b - a)[:, 0] / length, np.zeros(len(a))], -1)
     quads = np.arange(len(a))[:, None] * 4 + np.array([0, 1, 2, 0, 2, 3])
-    height = buildings.top - buildings.bottom
-    variant = variant_of(buildings.seed, height)
-    bare = buildings.lifted & (height < SHORTEST_WINDOW_WALL)
-    tints, given = _wall_colors(buildings, variant, facades)
     return _Surface(
         positions.reshape(-1, 3),
         quads.reshape(-1, 3),
         np.repeat(outward.astype(np.float32), 4, 0),
-        _wall_uvs(np.where(bare[owner], 0.0, length), (top - bottom), buildings.seed[owner]),
-        np.repeat(tints[owner], 4, 0),
-        np.repeat((variant + 1 + VARIANTS * given)[owner] * facades, 2).astype(np.uint16),
+        uvs,
+        np.repeat(colors, 4, 0),
+        np.repeat(material, 2).astype(np.uint16),
         np.repeat(owner, 2),
     )
 

@@ -25,6 +25,7 @@ from farfield.scene.footprints.repair import reports
 from farfield.scene.footprints.reproject import in_metres
 from farfield.scene.footprints.seeds import content_seeds
 from farfield.scene.footprints.table import FeatureTable
+from farfield.scene.footprints.use import uses_of, with_use
 from farfield.scene.georeference import local_origin
 from farfield.scene.model import Scene
 from farfield.scene.options import ReadOptions, inside
@@ -49,6 +50,7 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     crs, project = in_metres(table, options.crs, where, warnings)
     base = _base(table, path, options, warnings)
     form = form_of(table, base, options, where, warnings)
+    use = _use(table, options, where)
     faults: Counter[str] = Counter()
     outlines = outlines_of(table, project, batch, faults)
     warnings += reports(faults, where)
@@ -62,9 +64,9 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
         raise InputError(f"holds no footprint that can be extruded{why}", where, "check its shapes and heights")
     lift = None if form.details.lift is None else form.details.lift[outlines.row]
     codes, features = by_place(outlines.box, np.flatnonzero(chosen), lift)
-    ranges = split(codes, options.buildings_per_mesh or order.BUILDINGS_PER_MESH)
+    ranges = split(codes, options.buildings_per_mesh or order.most_in_mesh(options.facades))
     chunks = [
-        chunk_at(square, _features(outlines, features[a:b], base, form), where, options.facades)
+        chunk_at(square, _features(outlines, features[a:b], base, form, use), where, options.facades)
         for square, a, b in ranges
     ]
     corners = np.array([chunk.corner for chunk in chunks]).reshape(-1, 3)
@@ -119,9 +121,26 @@ def _base(table: FeatureTable, path: Path, options: ReadOptions, warnings: list[
     return np.where(unknown, 0.0 if np.isnan(every).all() else np.nanmedian(every), base)
 
 
-def _features(outlines: Outlines, features: NDArray[np.int64], base: NDArray[np.float64], form: Form) -> Features:
+def _use(table: FeatureTable, options: ReadOptions, where: str) -> NDArray[np.uint32] | None:
+    """(n,) what buildings are used for, where façades show it."""
+    if options.facades != "unique":
+        return None
+    if options.use_attribute is None:
+        return np.zeros(len(table), np.uint32)
+    return uses_of(table.columns[named_column(table.columns, options.use_attribute, where)])
+
+
+def _features(
+    outlines: Outlines,
+    features: NDArray[np.int64],
+    base: NDArray[np.float64],
+    form: Form,
+    use: NDArray[np.uint32] | None,
+) -> Features:
     rows = outlines.row[features]
     height, details = form.height[rows], form.details.of(rows)
     seeds = form.seed[rows] if form.seed is not None else content_seeds(centres_of(outlines.box[features]), height)
+    if use is not None:
+        seeds = with_use(seeds, use[rows])
     bottom = base[rows] if details.lift is None else base[rows] + details.lift
     return Features(outlines.rings.of_features(features), bottom, base[rows] + height, seeds, details)

@@ -14,6 +14,7 @@ from farfield.scene.footprints.features import Features, FootprintChunk, chunk_a
 from farfield.scene.footprints.order import Square
 from farfield.scene.footprints.rings import Rings
 from farfield.scene.model import Mesh
+from farfield.scene.options import Facades
 from farfield.scene.stored.container import SceneChunk, decode_chunk, encode_chunk
 from farfield.store.contract import Store
 from farfield.store.once import put_once
@@ -36,7 +37,7 @@ class StoredFootprints:
     prefix: int
     count: int
     """Buildings."""
-    facades: bool
+    facades: Facades
 
     @classmethod
     def of(cls, chunk: FootprintChunk, store: Store) -> StoredFootprints:

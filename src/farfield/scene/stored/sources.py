@@ -15,6 +15,7 @@ from farfield.scene.footprints.order import LEVELS
 from farfield.scene.gltf.container import open_document
 from farfield.scene.gltf.read import GltfMesh
 from farfield.scene.model import MeshSource
+from farfield.scene.options import Facades
 from farfield.scene.procedural.ground import GroundPlane
 from farfield.scene.stored.cities import StoredCity
 from farfield.scene.stored.footprints import StoredFootprints
@@ -38,7 +39,7 @@ class _Footprints(msgspec.Struct):
     level: Annotated[int, Meta(ge=0, le=LEVELS)]
     prefix: Annotated[int, Meta(ge=0, lt=1 << 2 * LEVELS)]
     count: Count
-    facades: bool
+    facades: Facades
 
 
 class _City(msgspec.Struct):
