@@ -67,12 +67,15 @@ def decode_blockmap(data: bytes, where: str) -> BlockMap:
         raise CorruptTileError("BlockMap is damaged: its checksum is another", where, _HINT)
     size = BlockMapSize(side, columns)
     is_sane = size in SIZES and flags < 4 and density < len(DENSITIES) and least > 0 and scale > 0
-    if not is_sane or not (math.isfinite(low) and 0 < step < 1e9) or sum(lengths) > len(data) - _HEADER.size:
+    is_sane = is_sane and math.isfinite(low) and 0 < step < 1e9 and bool(flags & SLOPED) == (lengths[1] > 0)
+    if not is_sane or sum(lengths) > len(data) - _HEADER.size:
         raise CorruptTileError("BlockMap tells what cannot be", where, _HINT)
     heights, slopes, turns, colors = _parts(data[_HEADER.size :], lengths)
     n = side
     try:
         plain = np.frombuffer(inflate(heights, n * n + n // 2), np.uint8)
+        if not plain[: n * n].any():
+            raise CorruptTileError("BlockMap of nothing", where, _HINT)
         bits = np.unpackbits(plain[n * n :], bitorder="little").reshape(4, n)
         sloped = None
         if flags & SLOPED:
