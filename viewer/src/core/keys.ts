@@ -9,6 +9,9 @@ export const orthoviewKey = (cell: string, direction: number, layer: number, has
   `orthoview/${cell}/${direction}/${layer}-${hash}`;
 export const indexKey = (cell: string, hash: string): string => `index/${cell}-${hash}`;
 export const geometryKey = (cell: string, hash: string): string => `geometry/${cell}-${hash}`;
+export const blockMapKey = (cell: string, hash: string): string => `blockmap/${cell}-${hash}`;
+/** Object ids of the BlockMap of that hash. */
+export const blockMapObjectsKey = (cell: string, hash: string): string => `objects/${cell}/blockmap-${hash}`;
 export const meshKey = (hash: string): string => `mesh/${hash}`;
 export const textureKey = (hash: string): string => `texture/${hash}`;
 

@@ -1,3 +1,4 @@
+import type { DecodedBlockMap } from "../blockmap/decode.js";
 import type { ErrorTag } from "../errors.js";
 import type { DecodedTile } from "../orthoview/decode.js";
 import type { Level } from "./levels.js";
@@ -9,7 +10,11 @@ export interface Decoded {
   readonly splats: DecodedTile;
   /** An image with holes, in all its sizes. */
   readonly cutout: readonly Level[];
+  readonly blockmap: DecodedBlockMap;
 }
+
+/** Metres of a cell along x and y. */
+export type Extent = readonly [number, number];
 
 /** To a decoding worker; `bytes` are transferred. */
 export interface DecodeRequest {
@@ -17,6 +22,8 @@ export interface DecodeRequest {
   readonly kind: keyof Decoded;
   readonly where: string;
   readonly bytes: Uint8Array;
+  /** Of a BlockMap: metres of its cell along x and y. */
+  readonly extent?: Extent | undefined;
 }
 
 /** Back from it; pixels are transferred. */

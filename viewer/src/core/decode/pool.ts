@@ -1,6 +1,6 @@
 import { asFarfieldError, FarfieldError } from "../errors.js";
 import { decode } from "./decode.js";
-import type { Decoded, DecodeAnswer, DecodeRequest } from "./messages.js";
+import type { Decoded, DecodeAnswer, DecodeRequest, Extent } from "./messages.js";
 
 /** Tiles a worker has at once: while the browser decodes the colour of one, the worker unpacks another. */
 const TILES_A_WORKER = 3;
@@ -43,12 +43,18 @@ export class DecodePool {
     return this.waiting.length + this.running.size;
   }
 
-  /** Decodes a tile or an image. Rejects with `corrupt` or, when aborted before its turn, `aborted`. */
-  decode<Kind extends keyof Decoded>(kind: Kind, bytes: Uint8Array, where: string, signal: AbortSignal): Promise<Decoded[Kind]> {
-    if (this.all.length === 0) return decode({ kind, bytes, where }) as Promise<Decoded[Kind]>;
+  /**
+   * Decodes a tile, a BlockMap or an image. Rejects with `corrupt` or, when aborted before its turn, `aborted`.
+   * extent: of a BlockMap's cell.
+   */
+  decode<Kind extends keyof Decoded>(
+    kind: Kind, bytes: Uint8Array, where: string, signal: AbortSignal, ...extent: Kind extends "blockmap" ? [Extent] : []
+  ): Promise<Decoded[Kind]> {
+    const what = { kind, bytes, where, extent: extent[0] };
+    if (this.all.length === 0) return decode(what) as Promise<Decoded[Kind]>;
     return new Promise((resolve, reject) => {
       const settled = resolve as Task["resolve"];
-      this.waiting.push({ id: this.nextId++, kind, bytes, where, resolve: settled, reject, signal });
+      this.waiting.push({ ...what, id: this.nextId++, resolve: settled, reject, signal });
       this.pump();
     });
   }
@@ -88,7 +94,7 @@ export class DecodePool {
       this.running.set(task.id, task);
       // A copy: the tiles of a batch share one buffer, and posting a part of it would send the whole.
       const bytes = task.bytes.slice();
-      const request: DecodeRequest = { id: task.id, kind: task.kind, where: task.where, bytes };
+      const request: DecodeRequest = { id: task.id, kind: task.kind, where: task.where, bytes, extent: task.extent };
       this.idle.pop()!.postMessage(request, [bytes.buffer]);
     }
   }
