@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import io
+import json
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
@@ -17,6 +19,8 @@ from farfield.bake.cell import decode_record
 from farfield.geometry.cameras import Camera
 from farfield.geometry.directions import TOP, principal
 from farfield.octree.grid import CellKey, Grid
+from farfield.represent.blockmap.blockmap import BlockMap
+from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
 from farfield.represent.geometry.read import LeafGeometry, read_leaf_glb, read_mesh_glb
@@ -46,6 +50,7 @@ from farfield.store.archive.layout import (
 )
 from farfield.store.archive.order import rank
 from farfield.store.memory import MemoryStore
+from farfield.view.blockmaps import CastableMap, draw_blockmap
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
 from farfield.view.shading import Light
@@ -58,6 +63,8 @@ from fuzz import scene_decoders
 from fuzz.shells import (
     BARE,
     BARE_JSON,
+    BLOCKMAP_OBJECTS,
+    BLOCKMAP_OBJECTS_STREAM,
     CHUNK_BODY,
     CHUNK_JSON,
     DIRECTORY_COLUMNS,
@@ -69,6 +76,7 @@ from fuzz.shells import (
     PACKED_STREAM,
     PNG,
     SEALED,
+    blockmap_stream,
     plain_glb,
     plane,
     tables,
@@ -150,6 +158,51 @@ def _with_objects(seed: int) -> OrthoLayer:
     """The layer with a few ids only, as real ones have."""
     ids = np.random.default_rng(seed).integers(1, 5, _LAYER.shape, dtype=np.uint32)
     return OrthoLayer(*(ids if name == "objects" else getattr(_LAYER, name) for name in OrthoLayer.__slots__))
+
+
+# BlockMaps
+
+
+@cache
+def _blockmap_vectors() -> tuple[dict[str, Any], ...]:
+    """What scripts/write_blockmap_vectors.py wrote."""
+    paths = sorted((Path(__file__).parents[1] / "vectors/blockmaps").glob("*.json"))
+    return tuple(json.loads(path.read_text()) for path in paths if path.stem != "corrupt")
+
+
+def _blockmap() -> Decoder:
+    corpus = tuple(base64.b64decode(vector["blockmap"]) for vector in _blockmap_vectors())
+    shells = (BARE, SEALED, SEALED, blockmap_stream(0), blockmap_stream(0), blockmap_stream(1), blockmap_stream(2))
+    return Decoder(
+        "blockmap",
+        lambda data: decode_blockmap(data, ""),
+        corpus,
+        shells,
+        lambda data: 64 * 64 * 320 + 4 * len(data) + _ROOM,
+        _use_blockmap,
+    )
+
+
+def _use_blockmap(blockmap: BlockMap) -> None:
+    """Drawn: where its walls are in its image are indices of the drawing kernel."""
+    own, (rows, columns) = blockmap.unfolded, blockmap.colors.shape[:2]
+    assert (own.places[..., 0] + own.across + rows <= columns).all()
+    assert (own.places[..., 1] + own.places[..., 2] <= rows).all()
+    frame = Frame.empty(_CAMERA, (24, 24), 1)
+    draw_blockmap(frame, CastableMap.of(blockmap, np.full(3, 4.0)), np.zeros(3), Light())
+
+
+def _blockmap_objects() -> Decoder:
+    side = _blockmap_vectors()[0]["n"]
+    corpus = tuple(base64.b64decode(v["object_ids"]) for v in _blockmap_vectors() if v["n"] == side)
+    shells = (BARE, BLOCKMAP_OBJECTS, BLOCKMAP_OBJECTS, BLOCKMAP_OBJECTS_STREAM)
+    return Decoder(
+        "blockmap_objects",
+        lambda data: decode_objects(data, side, ""),
+        corpus,
+        shells,
+        lambda data: 64 * side * side + 4 * len(data) + _ROOM,
+    )
 
 
 # The world
@@ -354,7 +407,8 @@ def _piece_texture() -> Decoder:
 
 
 DECODERS: tuple[Callable[[], Decoder], ...] = (
-    _orthoview, _objects, _index, _manifest, _walk, _record, _keys, _archive, _archive_header, _leaf, _mesh, _texture,
+    _orthoview, _objects, _blockmap, _blockmap_objects, _index, _manifest, _walk, _record, _keys, _archive,
+    _archive_header, _leaf, _mesh, _texture,
     scene_decoders.footprints, scene_decoders.city, scene_decoders.scene_note, scene_decoders.attributes,
     _piece, _piece_texture,
 )  # fmt: skip

@@ -236,3 +236,35 @@ CHUNK_JSON = Shell(
     "listing", lambda c: _chunk_parts(c)[0], lambda c, part: _sealed_chunk(c, part, _chunk_parts(c)[1]), json=True
 )
 CHUNK_BODY = Shell("arrays", lambda c: _chunk_parts(c)[1], lambda c, part: _sealed_chunk(c, _chunk_parts(c)[0], part))
+
+
+def blockmap_stream(number: int) -> Shell:
+    """The content of a stream of a BlockMap: heights, slopes, turns."""
+
+    def ends(value: bytes) -> tuple[int, int]:
+        lengths = struct.unpack_from("<III", value, 24)
+        return 40 + sum(lengths[:number]), 40 + sum(lengths[: number + 1])
+
+    def opened(value: bytes) -> bytes | None:
+        first, end = ends(value)
+        return zlib.decompress(value[first:end], -15) if end > first else None
+
+    def close(value: bytes, part: bytes) -> bytes:
+        (first, end), stream, at = ends(value), deflated(part), 24 + 4 * number
+        head = value[:at] + struct.pack("<I", len(stream)) + value[at + 4 : first]
+        return sealed(head + stream + value[end:])
+
+    return Shell(f"stream {number}", opened, close)
+
+
+def _objects_sealed(_: bytes, part: bytes) -> bytes:
+    checksum = struct.pack("<I", zlib.crc32(part[:12] + bytes(4) + part[16:]))
+    return part if len(part) < 16 else part[:12] + checksum + part[16:]
+
+
+BLOCKMAP_OBJECTS = Shell("sealed", lambda value: value, _objects_sealed)
+BLOCKMAP_OBJECTS_STREAM = Shell(
+    "stream",
+    lambda value: zlib.decompress(value[16:], -15),
+    lambda value, part: _objects_sealed(value, value[:16] + deflated(part)),
+)

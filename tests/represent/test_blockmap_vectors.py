@@ -15,7 +15,8 @@ from farfield.errors import CorruptTileError
 from farfield.represent.blockmap.coding import decode_blockmap, decode_objects, encode_blockmap, encode_objects
 
 NAMES = sorted(path.stem for path in FOLDER.glob("*.json") if path.stem != "corrupt")
-DAMAGED = [(kind, name) for kind, values in json.loads((FOLDER / "corrupt.json").read_text()).items() for name in values]
+CORRUPT = json.loads((FOLDER / "corrupt.json").read_text(encoding="utf-8"))
+DAMAGED = [(kind, name) for kind, values in CORRUPT.items() for name in values]
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -39,7 +40,7 @@ def test_decodes_as_written(name: str) -> None:
 
 @pytest.mark.parametrize(("kind", "name"), DAMAGED)
 def test_corrupt_ones_are_refused(kind: str, name: str) -> None:
-    data = base64.b64decode(read(FOLDER / "corrupt.json")[kind][name])
+    data = base64.b64decode(CORRUPT[kind][name])
     with pytest.raises(CorruptTileError):
         decode_blockmap(data, name) if kind == "blockmap" else decode_objects(data, 16, name)
 

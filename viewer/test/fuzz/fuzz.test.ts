@@ -8,6 +8,8 @@ import { constants, deflateRawSync } from "node:zlib";
 import { unzipSync } from "fflate";
 import { Texture } from "three";
 import { beforeAll, describe, expect, it, vi } from "vitest";
+import { decodeBlockMap } from "../../src/core/blockmap/decode.js";
+import { decodeBlockMapObjects } from "../../src/core/blockmap/objects.js";
 import { Cell, SharedMeshes } from "../../src/core/cell.js";
 import { checkGlb, glbOf } from "../../src/core/decode/glb.js";
 import { FarfieldError } from "../../src/core/errors.js";
@@ -21,9 +23,12 @@ import { PLANE } from "../../src/core/orthoview/header.js";
 import { readMessage, readPiece } from "../../src/core/push/messages.js";
 import { parseNearModel } from "../../src/three/near/parse.js";
 import type { TextureShelf } from "../../src/three/near/textures.js";
-import { listVectors, readVector } from "../vectors.js";
+import { listVectors, readJson, readVector } from "../vectors.js";
 import { joined, mutated, mutatedJson, Random } from "./mutate.js";
-import { BARE, BARE_JSON, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, PACKED, PACKED_STREAM, plane, SEALED, tables, type Shell } from "./shells.js";
+import {
+  BARE, BARE_JSON, blockMapStream, deflated, GLB_BODY, GLB_JSON, INDEX_TEXT, OBJECTS_STREAM, PACKED, PACKED_STREAM, plane, SEALED,
+  SEALED_OBJECTS, tables, type Shell,
+} from "./shells.js";
 
 const SAMPLE = 250;
 const SECONDS = 2;
@@ -45,6 +50,9 @@ const below = (folder: string): Uint8Array[] => Object.keys(GOLDEN).filter((name
 const vectors = (folder: string): Uint8Array[] => listVectors(folder, ".ffov").map((name) => readVector(`${folder}/${name}`));
 const PACKED_NEAR = ["near", "near/version-1"].flatMap((folder) => listVectors(folder, ".bin").map((name) => readVector(`${folder}/${name}`)));
 const NEAR = PACKED_NEAR.map((value) => glbOf(value, "near"));
+const BLOCKMAPS = listVectors("blockmaps", ".json").filter((name) => name !== "corrupt.json")
+  .map((name) => readJson<{ readonly blockmap: string; readonly object_ids: string; readonly n: number }>(`blockmaps/${name}`));
+const fromBase64 = (content: string): Uint8Array => new Uint8Array(Buffer.from(content, "base64"));
 const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
 const SERVERS = { rule: "cell-crc32", level: 1, addresses: ["https://a.example.org/city/", "./", "../b/"] };
 const SPLIT = new TextEncoder().encode(JSON.stringify({ ...(JSON.parse(text(GOLDEN["world.json"]!)) as object), servers: SERVERS }));
@@ -69,6 +77,15 @@ async function orthoview(bytes: Uint8Array): Promise<void> {
   for (let k = 0; k < pixels.length; k += WORDS) {
     const [column, row] = [pixels[k]! & 4095, (pixels[k]! >>> 12) & 4095];
     if (column >= width || row >= height || pixels[k + 2]! >>> 21 !== 0) throw new Error("a pixel outside the tile");
+  }
+}
+
+/** A BlockMap whose places, which shaders look up, lie in its image. */
+async function blockMap(bytes: Uint8Array): Promise<void> {
+  const { n, m, across, sides, colors } = await decodeBlockMap(bytes, "blockmap", grey, [8, 4]);
+  expect(colors.length).toBe(4 * n * (n + m));
+  for (let at = 0; at < sides.length; at += 4) {
+    if (sides[at]! + across > m || sides[at + 1]! + sides[at + 2]! > n || sides[at + 3]! > 63) throw new Error("a wall outside the image");
   }
 }
 
@@ -105,6 +122,20 @@ const DECODERS: readonly Decoder[] = [
     corpus: [...["tiles", "tiles/deflated"].flatMap(vectors), ...below("orthoview").slice(0, 8)],
     shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).flatMap((kind) => [plane(kind), tables(kind)])],
     bound: (bytes) => 96 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
+  },
+  {
+    name: "blockmap",
+    decode: blockMap,
+    corpus: BLOCKMAPS.map(({ blockmap }) => fromBase64(blockmap)),
+    shells: [BARE, SEALED, SEALED, blockMapStream(0), blockMapStream(0), blockMapStream(1), blockMapStream(2)],
+    bound: () => 64 * 64 * 320 + INFLATE_ROOM,
+  },
+  {
+    name: "blockmap objects",
+    decode: (bytes) => decodeBlockMapObjects(bytes, BLOCKMAPS[0]!.n, "objects"),
+    corpus: BLOCKMAPS.filter(({ n }) => n === BLOCKMAPS[0]!.n).map(({ object_ids: ids }) => fromBase64(ids)),
+    shells: [BARE, SEALED_OBJECTS, SEALED_OBJECTS, OBJECTS_STREAM],
+    bound: () => 16 * 64 * 64 + INFLATE_ROOM,
   },
   { name: "index", decode: index, corpus: [...below("index"), placing()], shells: [BARE, INDEX_TEXT, INDEX_TEXT], bound: (bytes) => 64 * Math.min(64 << 20, u32At(bytes, 8)) + INFLATE_ROOM },
   { name: "manifest", decode: (bytes) => decodeManifest(text(bytes), "world.json"), corpus: [GOLDEN["world.json"]!, SPLIT], shells: [BARE_JSON], bound: (bytes) => 64 * bytes.length },

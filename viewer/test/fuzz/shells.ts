@@ -133,3 +133,41 @@ export const PACKED_STREAM: Shell = {
     }
   },
 };
+
+/** Where the streams of a BlockMap end. */
+function streamEnds(blockmap: Uint8Array): number[] {
+  const view = new DataView(blockmap.buffer, blockmap.byteOffset);
+  let end = 40;
+  return [end, ...[24, 28, 32].map((at) => (end += view.getUint32(at, true)))];
+}
+
+/** The content of a stream of a BlockMap: heights, slopes, turns. */
+export function blockMapStream(number: 0 | 1 | 2): Shell {
+  return {
+    name: `stream ${number}`,
+    open: (value) => {
+      const [from, end] = streamEnds(value).slice(number) as [number, number];
+      return end > from ? new Uint8Array(inflateRawSync(value.subarray(from, end))) : null;
+    },
+    close: (value, part) => {
+      const [from, end] = streamEnds(value).slice(number) as [number, number];
+      const stream = deflated(part);
+      const head = value.slice(0, from);
+      head.set(u32(stream.length), 24 + 4 * number);
+      return sealed(joined(head, stream, value.slice(end)));
+    },
+  };
+}
+
+/** Object ids of a BlockMap with a right checksum. */
+export const SEALED_OBJECTS: Shell = {
+  ...BARE,
+  name: "sealed",
+  close: (_, part) => (part.length < 16 ? part : joined(part.slice(0, 12), u32(crc32(joined(part.slice(0, 12), new Uint8Array(4), part.slice(16)))), part.slice(16))),
+};
+
+export const OBJECTS_STREAM: Shell = {
+  name: "stream",
+  open: (value) => new Uint8Array(inflateRawSync(value.subarray(16))),
+  close: (value, part) => SEALED_OBJECTS.close(value, joined(value.slice(0, 16), deflated(part))),
+};

@@ -79,23 +79,27 @@ export function buffersOfBlockMap({ tops, slopes, sides, colors }: DecodedBlockM
 
 /** From all rises along x, then all along y. */
 function interleaved(planes: Uint8Array): Int8Array {
+  const found = new Int8Array(planes.length);
   const count = planes.length / 2;
-  return Int8Array.from(planes, (_, at) => planes[(at & 1) * count + (at >> 1)]!);
+  for (let at = 0; at < planes.length; at++) found[at] = planes[(at & 1) * count + (at >> 1)]!;
+  return found;
 }
 
 function withDistances(codes: Uint8Array, tops: Float32Array, n: number, thresholds: readonly number[]): Uint8Array {
   const found = new Uint8Array((1 + LEAPS) * n * n);
-  codes.forEach((code, at) => (found[4 * at] = code));
+  for (let at = 0; at < codes.length; at++) found[4 * at] = codes[at]!;
   thresholds.forEach((height, k) => writeDistances(tops, n, height, found, 1 + k));
   return found;
 }
 
 function sidesOf({ sides, places, normal }: Unfolded, turns: Uint8Array, n: number): Uint8Array {
   const found = new Uint8Array(16 * n * n);
-  normal.forEach((told, side) => {
-    if (told < 0) return;
-    const turn = (OUTWARD[sides[told]! & 3]! + turns[told]!) % TURNS;
-    found.set([...places.subarray(3 * side, 3 * side + 3), turn], 4 * ((side & 3) * n * n + (side >> 2)));
-  });
+  for (let side = 0; side < normal.length; side++) {
+    const told = normal[side]!;
+    if (told < 0) continue;
+    const to = 4 * ((side & 3) * n * n + (side >> 2));
+    for (let part = 0; part < 3; part++) found[to + part] = places[3 * side + part]!;
+    found[to + 3] = (OUTWARD[sides[told]! & 3]! + turns[told]!) % TURNS;
+  }
   return found;
 }

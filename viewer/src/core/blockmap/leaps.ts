@@ -13,13 +13,15 @@ export function topsOf(
   codes: Uint8Array, slopes: Int8Array | null, low: number, step: number, texel: readonly [number, number], steep: number,
 ): Float32Array {
   const f = Math.fround;
-  return Float32Array.from(codes, (code, at) => {
-    if (code === 0) return -Infinity;
-    const height = f(low + f((code - 1) * step));
-    if (!slopes) return height;
-    const [x, y] = [0, 1].map((axis) => Math.abs(f((slopes[2 * at + axis]! / steep) * texel[axis]!))) as [number, number];
-    return f(height + f(f(x + y) / 2));
-  });
+  const tops = new Float32Array(codes.length).fill(-Infinity);
+  for (let at = 0; at < codes.length; at++) {
+    if (codes[at] === 0) continue;
+    const height = f(low + f((codes[at]! - 1) * step));
+    const x = slopes ? Math.abs(f((slopes[2 * at]! / steep) * texel[0])) : 0;
+    const y = slopes ? Math.abs(f((slopes[2 * at + 1]! / steep) * texel[1])) : 0;
+    tops[at] = height + f(f(x + y) / 2);
+  }
+  return tops;
 }
 
 /** Heights to tell distances for, in single precision: of the ground, of most buildings, of nearly all. */
@@ -44,13 +46,20 @@ function quantile(sorted: Float32Array, share: number): number {
  * those of a king on a chess board: all texels within one less are no higher. 255 at most.
  */
 export function writeDistances(tops: Float32Array, n: number, height: number, out: Uint8Array, at: number): void {
-  const held = (i: number, j: number): number => (i < 0 || j < 0 || i >= n || j >= n ? FARTHEST : out[4 * (n * j + i) + at]!);
-  const nearest = (i: number, j: number, way: 1 | -1): number =>
-    Math.min(held(i - 1, j - way), held(i, j - way), held(i + 1, j - way), held(i - way, j), FARTHEST) + 1;
-  for (let j = 0; j < n; j++) {
-    for (let i = 0; i < n; i++) out[4 * (n * j + i) + at] = tops[n * j + i]! > height ? 0 : nearest(i, j, 1);
+  // With a rim of far ones around.
+  const row = n + 2;
+  const held = new Uint8Array(row * row).fill(FARTHEST);
+  for (let j = 1; j <= n; j++) {
+    for (let i = 1, to = j * row + 1; i <= n; i++, to++) {
+      if (tops[(j - 1) * n + i - 1]! > height) held[to] = 0;
+      else held[to] = Math.min(held[to - row - 1]!, held[to - row]!, held[to - row + 1]!, held[to - 1]!, FARTHEST) + 1;
+    }
   }
-  for (let j = n - 1; j >= 0; j--) {
-    for (let i = n - 1; i >= 0; i--) out[4 * (n * j + i) + at] = Math.min(held(i, j), nearest(i, j, -1));
+  for (let j = n; j >= 1; j--) {
+    for (let i = n, to = j * row + n; i >= 1; i--, to--) {
+      const found = Math.min(held[to + row + 1]!, held[to + row]!, held[to + row - 1]!, held[to + 1]!, FARTHEST) + 1;
+      held[to] = Math.min(held[to]!, found);
+      out[4 * ((j - 1) * n + i - 1) + at] = held[to]!;
+    }
   }
 }

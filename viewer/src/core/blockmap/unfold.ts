@@ -85,8 +85,9 @@ function traced(drops: Uint8Array, n: number): Int32Array {
 function placedByArea(drops: Uint8Array, order: Int32Array, { n, m, density, scale }: Walling): Unfolded {
   const [across, sharing] = DENSITIES[density]!;
   const choices = ROWS.filter((rows) => rows <= n);
-  const rowsOf = (side: number): number => choices.find((rows) => rows >= (drops[side]! * scale + 255) >> 8) ?? choices.at(-1)!;
-  const wanted = Uint8Array.from(order, rowsOf);
+  const rowsOf = Uint8Array.from({ length: 256 }, (_, drop) => choices.find((rows) => rows >= (drop * scale + 255) >> 8) ?? choices.at(-1)!);
+  const wanted = new Uint8Array(order.length);
+  for (let at = 0; at < order.length; at++) wanted[at] = rowsOf[drops[order[at]!]!]!;
   const places = new Int32Array(3 * drops.length);
   let [placed, top, height, column] = [0, 0, 0, m];
   for (const rows of choices.reverse()) {
@@ -96,7 +97,10 @@ function placedByArea(drops: Uint8Array, order: Int32Array, { n, m, density, sca
         column += across;
         if (column + across > m) [top, height, column] = [top + height, rows, 0];
       }
-      places.set([column, top, rows], 3 * order[at]!);
+      const to = 3 * order[at]!;
+      places[to] = column;
+      places[to + 1] = top;
+      places[to + 2] = rows;
     }
   }
   const normal = new Int32Array(drops.length).fill(-1);
@@ -113,7 +117,8 @@ function placedByColumn(order: Int32Array, { n, m }: Walling): Unfolded {
   for (const side of order) {
     const number = numbers.get(side >> 2)!;
     normal[side] = number;
-    places.set([Math.floor((number * m) / Math.max(numbers.size, m)), 0, n], 3 * side);
+    places[3 * side] = Math.floor((number * m) / Math.max(numbers.size, m));
+    places[3 * side + 2] = n;
   }
   return { sides: Int32Array.from(numbers.keys(), (texel) => 4 * texel), places, normal, across: 1, rows: n };
 }
