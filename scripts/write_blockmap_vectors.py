@@ -2,12 +2,12 @@
 
     python scripts/write_blockmap_vectors.py [FOLDER]
 
-Each `NAME.json` holds an encoded BlockMap and its object ids (base64), the extent of its cell, and what a reader finds in
-them: low, step, columns of a side, the heights that distances are told for and the highest point as numbers; the rest
-deflated, base64: `tops` (n, n, 4) code and three distances, `slopes` (n, n, 2) signed or empty, `sides` (4, n, n, 4)
-first column, first row and rows in the image of walls and the normal in 64ths of a turn, `objects` (n, n) u32. Colour
-is lossy: a reader's may differ from `color`, the mean of all, by `color_tolerance`. `corrupt` are values that must be
-refused, all but the first two with a right checksum.
+Each `NAME.json` holds an encoded BlockMap and its object ids (base64), the extent of its cell, and what a reader finds
+in them: low, step, columns of a side, the heights that distances are told for and the highest point as numbers; the
+rest deflated, base64: `tops` (n, n, 4) code and three distances, `slopes` (n, n, 2) signed or empty, `sides`
+(4, n, n, 4) first column, first row and rows in the image of walls and the normal in 64ths of a turn, `objects` (n, n)
+u32. Colour is lossy: a reader's may differ from `color`, the mean of all, by `color_tolerance`. `corrupt` are values
+that must be refused, all but the first two with a right checksum.
 """
 
 from __future__ import annotations

@@ -212,7 +212,8 @@ function clear(renderer: WebGLRenderer): void {
   gl.clearBufferfv(gl.DEPTH, 0, [0]);
 }
 
-function makeTarget(width: number, height: number): WebGLRenderTarget {
+/** A target as the world is drawn into: sRGB, and depth in single precision. */
+export function makeTarget(width: number, height: number): WebGLRenderTarget {
   const depthTexture = new DepthTexture(width, height, FloatType);
   depthTexture.colorSpace = NoColorSpace;
   const target = new WebGLRenderTarget(width, height, {
