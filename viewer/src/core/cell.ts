@@ -1,9 +1,9 @@
 import { corrupt } from "./errors.js";
 import { formatKey, parseKey, type CellKey, type Grid } from "./grid.js";
 import { dynamicBoard, impostorForm } from "./impostors.js";
-import { listedPicks, type CellEntry, type GeometryLevel, type InstancedMesh, type MeshLevel } from "./indextile.js";
+import { listedPicks, type BlockMapEntry, type CellEntry, type GeometryLevel, type InstancedMesh, type MeshLevel } from "./indextile.js";
 import { meshForm, placedMesh, type MeshForms, type PlacedMesh } from "./instances.js";
-import { dynamicOf, geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
+import { blockMapKey, dynamicOf, geometryKey, meshKey, orthoviewKey, textureKey } from "./keys.js";
 import { Resource, type ResourceKind } from "./resource.js";
 import { toldBy, UNTOLD_LOSS } from "./stream/accuracy.js";
 import { grown, type Box } from "./vector.js";
@@ -12,6 +12,10 @@ import type { Pick } from "./views.js";
 /** Pixels a kilobyte from which the gains of picked tiles go down, and steps by which they are halved (spec/world.md). */
 const MOST_GAIN = 65536;
 const STEPS = 4;
+/** In place of a direction: from any, as a BlockMap shows it. */
+const ANY_DIRECTION = -1;
+/** Triangles of the box that a BlockMap is drawn by. */
+const BOX = 12;
 /** A splat reaches at most this many pitches from its middle. */
 const SPLAT_REACH = 4;
 
@@ -66,6 +70,8 @@ export class Cell {
   wasWhole = false;
   /** Its own geometry in all forms, from fine to coarse; above the leaves that of everything below but for listed instances. */
   forms: readonly CellGeometry[] = [];
+  /** Its BlockMap, where it has one beside its tiles; one in place of tiles is among `views`. */
+  blockmap: CellGeometry | null = null;
   /** How much of what is to be seen of it instances take that leaves below list, 0 to 1 (GeometryEntry.listed). */
   listed = 0;
   /** What is placed in it, of a leaf whose index tells. */
@@ -168,6 +174,7 @@ export class Cell {
       view.layers[layer] = take(orthoviewKey(this.name, direction, layer, entry.hash ?? ""), "orthoview", bytes);
       views.set(direction, view);
     }
+    if (entry.blockmap) this.describeBlockMap(entry.blockmap, views, take);
     this.views = views;
     this.picks = listedPicks(entry).map((flat) => this.picksOf(flat, entry));
     this.shown = this.before?.shown.filter(({ cell }) => cell === this) ?? [];
@@ -175,6 +182,16 @@ export class Cell {
     this.describeGeometry(entry, shared, take);
     this.describeInstances(entry, shared);
     for (const resource of before.values()) resource.gone = resource.cell !== this;
+  }
+
+  private describeBlockMap({ hash, bytes, errors }: BlockMapEntry, views: Map<number, { direction: number; layers: Resource[] }>, take: Take): void {
+    const leaf = take(blockMapKey(this.name, hash), "blockmap", bytes);
+    if (views.size > 0) {
+      this.blockmap = { entry: { hash, bytes, triangles: BOX, instances: 0, meshes: [], errors: errors ?? [] }, level: 0, leaf, meshes: [] };
+      return;
+    }
+    this.told = toldBy(errors);
+    views.set(ANY_DIRECTION, { direction: ANY_DIRECTION, layers: [leaf] });
   }
 
   private picksOf(flat: readonly number[], { tiles = [] }: CellEntry): Pick[] {
@@ -211,14 +228,14 @@ export class Cell {
   /** What belongs to this cell alone. */
   private get resources(): Resource[] {
     const tiles = [...this.views.values()].flatMap(({ layers }) => layers.filter(Boolean));
-    return [...tiles, ...this.forms.map(({ leaf }) => leaf)];
+    return [...tiles, ...this.forms.map(({ leaf }) => leaf), ...(this.blockmap ? [this.blockmap.leaf] : [])];
   }
 
   /** Takes over everything at and below the same cell of the generation before: its index tile has not changed. */
   private inherit(before: Cell): void {
     if (this.views.size === 0 && this.forms.length === 0) {
-      const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, listed, instances } = before;
-      Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, listed, instances });
+      const { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, blockmap, listed, instances } = before;
+      Object.assign(this, { bounds, reach, told, views, bins, picks, shown, wasWhole, forms, blockmap, listed, instances });
       for (const resource of before.resources) resource.moveTo(this);
     }
     this.readHash = before.readHash;

@@ -26,8 +26,10 @@ export interface CellForm {
   readonly level: number;
   /** What is drawn: of leaves or, alone, of the cell above them. */
   readonly leaves: readonly CellGeometry[];
-  /** Whether it is of a cell above the leaves, and shows all below but for the instances that are listed there. */
+  /** Whether it is the cell's own: of one above the leaves, which shows all below but for the instances that are listed there; or a BlockMap. */
   readonly own: boolean;
+  /** Whether it is a BlockMap, which shows instances, too. */
+  readonly isMap: boolean;
   /** What it is drawn from, each once; what refers to others comes after them. */
   readonly resources: readonly Resource[];
   /** Those of them that are meshes of which leaves below list instances: they come by themselves. */
@@ -70,13 +72,14 @@ export function formsOf(cell: Cell, resolution: number): readonly CellForm[] {
   return all;
 }
 
-/** Those of a cell above the leaves itself, from fine to coarse. */
-export function ownForms({ forms, level }: Cell): CellForm[] {
-  if (level === 0) return [];
-  return forms.map((form) => ({
-    level: FIRST_OWN + form.level,
+/** Those that are of a cell itself and of no leaf, from fine to coarse, a BlockMap last. */
+export function ownForms({ forms, level, blockmap }: Cell): CellForm[] {
+  const own = level === 0 ? [] : forms;
+  return (blockmap ? [...own, blockmap] : own).map((form, n) => ({
+    level: FIRST_OWN + n,
     leaves: [form],
     own: true,
+    isMap: form === blockmap,
     resources: [form.leaf],
     listed: [],
     images: new Map(form.entry.textures ?? []),
@@ -89,7 +92,7 @@ export function ownForms({ forms, level }: Cell): CellForm[] {
 export function comingForms(cell: Cell): readonly Resource[] {
   const coming: Resource[] = [];
   for (let own: Cell | null = cell; own; own = own.parent) {
-    for (const { leaf } of own.level > 0 ? own.forms : []) {
+    for (const leaf of ownForms(own).flatMap(({ resources }) => resources)) {
       if (leaf.held) return coming;
       if (leaf.coming) coming.push(leaf);
     }
@@ -188,7 +191,7 @@ export function isWithinReach(away: number, leafSize: number): boolean {
 export function accuracyOf(form: CellForm, cell: Cell, pitch: number, width: number): number {
   if (!form.own) return 1 - errorAt(form, pitch, width);
   const shown = pictureAccuracy(form.told, (pitch * 2 ** cell.level) / width);
-  return cell.listed > 0 && !isKnownBelow(cell) ? (1 - cell.listed) * shown : shown;
+  return cell.listed > 0 && !form.isMap && !isKnownBelow(cell) ? (1 - cell.listed) * shown : shown;
 }
 
 /**
@@ -230,6 +233,7 @@ function joined(leaves: readonly Cell[], mostTriangles: number): CellForm[] {
       level,
       leaves: own,
       own: false,
+      isMap: false,
       resources,
       listed: resources.filter((resource) => listed.has(resource)),
       images: new Map(own.flatMap(({ entry }) => entry.textures ?? [])),

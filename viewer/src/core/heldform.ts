@@ -95,7 +95,7 @@ function bestOf(forms: readonly CellForm[], cell: Cell, view: FarView, pictures:
   const placed = forms.some(({ own }) => own) && of.listed > 0 && isKnownBelow(of) ? of.listed * instancesShown(of, view) : 0;
   const each = forms.map((form) => {
     const shown = accuracyOf(form, of, pitch, width);
-    if (!form.own || of.listed === 0) return shown;
+    if (!form.own || form.isMap || of.listed === 0) return shown;
     return isKnownBelow(of) ? (1 - of.listed) * shown + placed : shown;
   });
   const most = Math.max(...each);

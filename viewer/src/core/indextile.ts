@@ -56,6 +56,14 @@ export interface GeometryEntry extends GeometryLevel {
   readonly listed?: number;
 }
 
+/** A BlockMap: all that is in a cell, instances too, from any side. */
+export interface BlockMapEntry {
+  readonly hash: string;
+  readonly bytes: number;
+  /** As CellEntry.errors: how unlike the full geometry it looks. */
+  readonly errors?: readonly number[];
+}
+
 /** A shared mesh in one of its forms, which shows all of it. */
 export interface MeshLevel {
   readonly hash: string;
@@ -114,6 +122,8 @@ export interface CellEntry {
   readonly children?: readonly string[];
   readonly index?: string;
   readonly geometry?: GeometryEntry | null;
+  /** Where there are no tiles it takes their place, its errors that of theirs. */
+  readonly blockmap?: BlockMapEntry | null;
   /** Of a leaf: what is placed in it, so that it can be drawn before, and without, the leaf's geometry. */
   readonly instances?: readonly InstancedMesh[];
   /** How unlike the full geometry its pictures look, 255 = as nothing, see ERROR_SPACING. */
@@ -153,12 +163,12 @@ function parse(text: string, where: string): Json {
 /** Throws `corrupt` unless every member is of its type and within its limits: what draws a frame does not look again. */
 function checkCell(cell: unknown, where: string): void {
   if (!isObject(cell) || typeof cell["key"] !== "string") throw corrupt("index tile tells of no cell", where);
-  const { key, bounds, error, hash = "", tiles = [], views = [], picked, picks = unpackPicks(picked), children = [], index = "", geometry = null, instances = [], errors = [], losses = [] } = cell;
+  const { key, bounds, error, hash = "", tiles = [], views = [], picked, picks = unpackPicks(picked), children = [], index = "", geometry = null, blockmap = null, instances = [], errors = [], losses = [] } = cell;
   const { level } = parseKey(key as string);
   const sane =
     isBounds(bounds) && isMetres(error) && error >= 0 && isHashOrNone(hash) && isHashOrNone(index) && isList(errors, isError, 8) &&
     isList(losses, isError, 8) && (losses.length === 0 || losses.length === (children as readonly string[]).length) &&
-    isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) &&
+    isList(tiles, isTile, 512) && isList(views, isBin, 26) && (geometry === null || isGeometry(geometry)) && (blockmap === null || isBlockMap(blockmap)) &&
     isList(instances, isInstanced, MOST_INSTANCES) &&
     isList(picks, (bin) => arePicks(bin, tiles.length), VIEW_BINS) && isList(children, isString, 8) && new Set(children).size === children.length &&
     children.every((child) => parseKey(child).level === level - 1);
@@ -221,6 +231,10 @@ function isMesh(value: unknown): value is readonly [string, number] {
 
 function isGeometry(value: unknown): boolean {
   return isLevel(value) && isList(value["levels"] ?? [], isLevel, MOST_LEVELS) && isError(value["listed"] ?? 0);
+}
+
+function isBlockMap(value: unknown): boolean {
+  return isObject(value) && isHash(value["hash"]) && isCount(value["bytes"]) && isList(value["errors"] ?? [], isError, 8);
 }
 
 function isLevel(value: unknown): value is Json {

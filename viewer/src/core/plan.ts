@@ -213,7 +213,7 @@ class Planner {
       for (const leaf of form.leaves) if (seesBox(this.view.frustum, leaf.leaf.cell!.reach)) this.geometry.push(leaf);
       return true;
     }
-    this.bare++;
+    if (!form.isMap) this.bare++;
     this.solids.push({ cell, form: form.leaves[0]!, holes: HOLE, behind: false });
     return true;
   }
@@ -259,7 +259,7 @@ class Planner {
 
   /** Whether what is placed in a cell that is there reaches into others that are drawn by geometry of their own, which does not show it. */
   private lacksPart({ bounds }: PlacedMesh, home: Cell): boolean {
-    return this.solids.some(({ cell }) => cell !== home && overlap(bounds, cell.box));
+    return this.solids.some(({ cell, form }) => cell !== home && form !== cell.blockmap && overlap(bounds, cell.box));
   }
 
   /** Pictures that stand in for a cell with instances that are drawn by themselves show them, too, coarser: they go behind them. */

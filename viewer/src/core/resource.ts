@@ -3,7 +3,7 @@ import type { Cell } from "./cell.js";
 const NO_IMAGES: ReadonlyMap<string, number> = new Map();
 
 /** What a value of the store is drawn as. */
-export type ResourceKind = "orthoview" | "geometry" | "mesh" | "impostor";
+export type ResourceKind = "orthoview" | "blockmap" | "geometry" | "mesh" | "impostor";
 
 /**
  *     absent → loading ─────────────→ ready → held

@@ -13,11 +13,12 @@ const GUESSED = 1 << 14;
 
 /** What values take once they are decoded: as much as they took before, or as others of their kind take. */
 export class Sizes {
-  /** Begins with a guess of how much a byte on the wire becomes: 13 measured of tiles, 40 of leaves with textures, 16 of meshes, 30 of images. */
+  /** Begins with a guess of how much a byte on the wire becomes: 13 measured of tiles, 40 of leaves with textures, 16 of meshes, 60 of BlockMaps, 30 of images. */
   private readonly seen: Record<ResourceKind, Seen> = {
     orthoview: { wire: GUESSED, decoded: 13 * GUESSED },
     geometry: { wire: GUESSED, decoded: 40 * GUESSED },
     mesh: { wire: GUESSED, decoded: 16 * GUESSED },
+    blockmap: { wire: GUESSED, decoded: 60 * GUESSED },
     impostor: { wire: GUESSED, decoded: 30 * GUESSED },
   };
 

@@ -33,7 +33,7 @@ export class BlockMapPage {
   }
 
   get layerBytes(): number {
-    return 4 * this.width * this.n;
+    return layerBytes(this.n, this.m);
   }
 
   /** Maps that it has room for. */
@@ -92,4 +92,9 @@ function inPairs(slopes: Int8Array): Uint8Array {
     texels[2 * at + 1] = slopes[at + 1]!;
   }
   return texels;
+}
+
+/** Bytes of a map of n x n texels and m columns for walls. */
+export function layerBytes(n: number, m: number): number {
+  return 4 * (7 * n + m) * n;
 }

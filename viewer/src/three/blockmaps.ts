@@ -6,7 +6,7 @@ import type { Grid } from "../core/grid.js";
 import { HOLE, type Holes } from "../core/holes.js";
 import { cross, distanceTo, dot, type Box, type Vector3 as Triple } from "../core/vector.js";
 import { BlockMapBoxes } from "./blockmapboxes.js";
-import { BlockMapPage } from "./blockmappage.js";
+import { BlockMapPage, layerBytes } from "./blockmappage.js";
 import { HoleTexture, holeUniforms, setHoles } from "./holetexture.js";
 import type { LightUniforms } from "./light.js";
 import type { Viewpoint } from "./viewpoint.js";
@@ -71,6 +71,11 @@ export class BlockMaps {
     const layer = page.put(decoded);
     const held: Held = { bytes: page.layerBytes, page, layer, map: { n, low, step, across, byArea, thresholds, highest, sloped: slopes !== null } };
     return held;
+  }
+
+  /** What a map will take of the graphics card, and as many here. */
+  bytesOf({ n, m }: DecodedBlockMap): number {
+    return layerBytes(n, m);
   }
 
   /** Forgets a map; it must not be among what is drawn next. */

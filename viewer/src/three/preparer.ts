@@ -5,6 +5,7 @@ import type { Prepared, Preparer } from "../core/loader.js";
 import type { Manifest } from "../core/manifest.js";
 import type { Resource } from "../core/resource.js";
 import { anisotropyOf } from "./card.js";
+import type { BlockMapHandle, BlockMaps } from "./blockmaps.js";
 import { boardModel } from "./near/board.js";
 import type { NearModel } from "./near/model.js";
 import { parseNearModel } from "./near/parse.js";
@@ -19,6 +20,7 @@ export interface PreparerParts {
   readonly renderer: () => WebGLRenderer;
   /** Whether pixels in a plane are joined. */
   readonly patches: () => boolean;
+  readonly blockmaps: BlockMaps;
   /** Told before a model of near geometry goes. */
   readonly forget: (model: NearModel) => void;
 }
@@ -32,6 +34,7 @@ export class ThreePreparer implements Preparer {
 
   prepare(resource: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
     if (resource.kind === "orthoview") return this.orthoview(resource, bytes, signal);
+    if (resource.kind === "blockmap") return this.blockmap(resource, bytes, signal);
     const isBoard = resource.kind === "impostor";
     return this.prepared(isBoard ? this.board(resource, bytes, signal) : parseNearModel(bytes, resource.key, this.parts.shelf));
   }
@@ -47,6 +50,7 @@ export class ThreePreparer implements Preparer {
       (payload as OrthoviewTile).dispose(this.parts.renderer());
       return;
     }
+    if (resource.kind === "blockmap") return this.parts.blockmaps.drop(payload as BlockMapHandle);
     this.parts.forget(payload as NearModel);
     (payload as NearModel).dispose();
   }
@@ -61,6 +65,12 @@ export class ThreePreparer implements Preparer {
       return new OrthoviewTile(renderer(), tile, manifest.grid, direction);
     };
     return { size: tileBytes(tile), install };
+  }
+
+  private async blockmap({ key, cell }: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<Prepared> {
+    const { lower, upper } = cell!.box;
+    const map = await this.parts.pool.decode("blockmap", bytes, key, signal, [upper[0] - lower[0], upper[1] - lower[1]]);
+    return { size: this.parts.blockmaps.bytesOf(map), install: () => this.parts.blockmaps.upload(map) };
   }
 
   private async board({ key }: Resource, bytes: Uint8Array, signal: AbortSignal): Promise<NearModel> {

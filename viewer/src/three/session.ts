@@ -18,6 +18,7 @@ import { Ranking } from "../core/stream/ranking.js";
 import { coarseFirst, isNeeded, listWants, URGENCY, type Want } from "../core/wants.js";
 import type { WorldIndex } from "../core/world.js";
 import { anisotropyOf } from "./card.js";
+import { BlockMaps, type BlockMapDraw, type BlockMapHandle } from "./blockmaps.js";
 import { CoarseningControl } from "./coarsening.js";
 import type { DepthPyramid } from "../core/depthpyramid.js";
 import { DepthReader } from "./depthreader.js";
@@ -74,6 +75,7 @@ export class Session {
   readonly loader: Loader;
   readonly splats: Splats;
   readonly near: NearGeometry;
+  readonly blockmaps: BlockMaps;
   readonly preparer: ThreePreparer;
   private readonly shelf: TextureShelf;
   /** Null: the world is split over servers, none of which could decide alone. */
@@ -117,10 +119,12 @@ export class Session {
     this.index = index;
     const { manifest } = index;
     this.near = new NearGeometry(group, manifest.grid, light);
+    this.blockmaps = new BlockMaps(group, manifest.grid, light);
     this.splats = new Splats(group, manifest.grid, light);
     const forget: NearGeometry["forget"] = (model) => this.near.forget(model);
     this.shelf = new TextureShelf(servers, pool, () => anisotropyOf(renderer()));
-    this.preparer = new ThreePreparer({ manifest, pool, shelf: this.shelf, renderer, forget, patches: () => options().patches });
+    const { blockmaps, shelf } = this;
+    this.preparer = new ThreePreparer({ manifest, pool, shelf, renderer, blockmaps, forget, patches: () => options().patches });
     const { nearRadius, farOnly, farGeometry } = options();
     if (nearRadius !== 0 && (farGeometry || !farOnly)) expectGeometry();
     this.loader = new Loader(servers, this.preparer, options().cacheBytes, events);
@@ -399,9 +403,11 @@ export class Session {
   }
 
   private place({ pictures, geometry, solids, instances }: Plan, view: SplatView): void {
-    this.splats.set(pictures, view);
+    this.splats.set(pictures.filter((draw) => !isMap(draw.tiles[0]!)), view);
     const { farOnly, near } = this.view!;
-    this.near.set({ leaves: geometry, solids, instances, leftOut: farOnly ? near : 0 }, view.viewpoint, view.sun);
+    const merged = solids.filter(({ form }) => !isMap(form.leaf));
+    this.near.set({ leaves: geometry, solids: merged, instances, leftOut: farOnly ? near : 0 }, view.viewpoint, view.sun);
+    this.blockmaps.set(mapsOf(pictures, solids), view.viewpoint, view.sun);
   }
 
   /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */
@@ -447,6 +453,7 @@ export class Session {
     this.loader.clear();
     this.splats.dispose();
     this.near.dispose();
+    this.blockmaps.dispose();
     this.reader.dispose();
   }
 
@@ -469,6 +476,18 @@ export class Session {
       choice: { views, leastGain, layers },
     };
   }
+}
+
+function isMap({ kind }: Resource): boolean {
+  return kind === "blockmap";
+}
+
+/** What of a plan is drawn by casting rays: in place of pictures, and of merged geometry. */
+function mapsOf(pictures: Plan["pictures"], solids: Plan["solids"]): BlockMapDraw[] {
+  const asPictures = pictures.map(({ cell, tiles, holes, behind }) => ({ cell, tile: tiles[0]!, holes, behind }));
+  const asSolids = solids.map(({ cell, form, holes, behind }) => ({ cell, tile: form.leaf, holes, behind }));
+  const maps = [...asPictures, ...asSolids].filter(({ tile }) => isMap(tile));
+  return maps.map(({ cell, tile, holes, behind }) => ({ cell, handle: tile.payload as BlockMapHandle, holes, behind }));
 }
 
 /** Whether nothing more is to be expected of a value, for now. */

@@ -16,6 +16,9 @@ export interface WorldStats {
   readonly splat_runs: number;
   /** Triangles of near geometry drawn last. */
   readonly triangles: number;
+  /** BlockMaps drawn last, and draw calls for them. */
+  readonly blockmaps: number;
+  readonly blockmap_calls: number;
   /** Orthoview tiles drawn last: as many draw calls. */
   readonly tiles: number;
   /** Cells drawn from pictures, by level. */
@@ -62,7 +65,7 @@ export interface WorldStats {
 type OwnFigures = "reduction" | "moving_objects" | "moving_triangles";
 
 export function statsOf(session: Session | null, source: Source, options: WorldOptions, bad: number): Omit<WorldStats, OwnFigures> {
-  const { plan = null, loader, splats, near, preparer } = session ?? {};
+  const { plan = null, loader, splats, near, blockmaps, preparer } = session ?? {};
   const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
@@ -74,6 +77,8 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     splats_drawn: splats?.culler?.drawn ?? 0,
     splat_runs: splats?.culler?.ranges.total ?? 0,
     triangles: near?.triangles ?? 0,
+    blockmaps: blockmaps?.stats.maps ?? 0,
+    blockmap_calls: blockmaps?.stats.calls ?? 0,
     tiles: splats?.tiles ?? 0,
     cells,
     geometry_cells: plan ? plan.geometry.length + plan.solids.length : 0,

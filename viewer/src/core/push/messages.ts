@@ -9,7 +9,7 @@ const MOST_KEYS = 4096;
 const MOST_CHARACTERS = 250 << 10;
 /** Number and offset before each piece of a value. */
 const PIECE_HEADER_BYTES = 8;
-const KEY = /^(?:orthoview|geometry|mesh|texture|impostor)\/[0-9a-f/-]{1,150}$/;
+const KEY = /^(?:orthoview|blockmap|geometry|mesh|texture|impostor)\/[0-9a-f/-]{1,150}$/;
 
 /** Where a viewer is, how it moves, and how it draws. */
 export interface ViewMessage {
