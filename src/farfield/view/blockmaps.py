@@ -114,7 +114,10 @@ class BlockMapPass:
             if self._frame.objects.size:
                 ids = blockmap_objects_key(one.cell, one.key[-16:])
                 with contextlib.suppress(MissingKeyError):
-                    blockmap = blockmap.with_objects(decode_objects(self._world.store.get(ids), ids))
+                    objects = decode_objects(self._world.store.get(ids), ids)
+                    if objects.shape != blockmap.codes.shape:
+                        raise CorruptTileError("object ids of another BlockMap", ids, "run farfield verify")
+                    blockmap = blockmap.with_objects(objects)
             self._maps[one.key] = CastableMap.of(blockmap, self._world.grid.cell_size(one.cell.level))
         return self._maps[one.key]
 
