@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from farfield.represent.blockmap.blockmap import BlockMap, BlockMapSize
 from farfield.represent.blockmap.build import fitted_to
 from farfield.represent.blockmap.coding import decode_blockmap, decode_objects, encode_blockmap, encode_objects
-from farfield.view.blockmaps import CastableMap
+from farfield.view.blockmaps import MARGIN, CastableMap
 
 FOLDER = Path(__file__).resolve().parent.parent / "tests/vectors/blockmaps"
 EXTENT = (64.0, 48.0)
@@ -105,11 +105,11 @@ def expectation(blockmap: bytes, objects: bytes) -> dict[str, object]:
         "by_area": found.by_area,
         "walls": int(own.is_wall.sum()),
         "thresholds": castable.thresholds.tolist(),
-        "highest": castable.highest,
+        "highest": castable.span[1] - EXTENT[0] / n / MARGIN,
         "tops": _packed(tops),
         "slopes": _packed(slopes),
         "sides": _packed(sides.astype(np.uint8)),
-        "objects": _packed(decode_objects(objects, n, "").astype("<u4")),
+        "objects": _packed(decode_objects(objects, "").astype("<u4")),
         "color": found.colors.mean(axis=(0, 1)).round(3).tolist(),
         "color_tolerance": 1,
     }

@@ -193,15 +193,14 @@ def _use_blockmap(blockmap: BlockMap) -> None:
 
 
 def _blockmap_objects() -> Decoder:
-    side = _blockmap_vectors()[0]["n"]
-    corpus = tuple(base64.b64decode(v["object_ids"]) for v in _blockmap_vectors() if v["n"] == side)
+    corpus = tuple(base64.b64decode(vector["object_ids"]) for vector in _blockmap_vectors())
     shells = (BARE, BLOCKMAP_OBJECTS, BLOCKMAP_OBJECTS, BLOCKMAP_OBJECTS_STREAM)
     return Decoder(
         "blockmap_objects",
-        lambda data: decode_objects(data, side, ""),
+        lambda data: decode_objects(data, ""),
         corpus,
         shells,
-        lambda data: 64 * side * side + 4 * len(data) + _ROOM,
+        lambda data: 64 * 64 * 64 + 4 * len(data) + _ROOM,
     )
 
 

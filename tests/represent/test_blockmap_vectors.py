@@ -42,7 +42,7 @@ def test_decodes_as_written(name: str) -> None:
 def test_corrupt_ones_are_refused(kind: str, name: str) -> None:
     data = base64.b64decode(CORRUPT[kind][name])
     with pytest.raises(CorruptTileError):
-        decode_blockmap(data, name) if kind == "blockmap" else decode_objects(data, 16, name)
+        decode_blockmap(data, name) if kind == "blockmap" else decode_objects(data, name)
 
 
 def test_the_script_writes_these(tmp_path: Path) -> None:
@@ -62,4 +62,4 @@ def test_what_is_encoded_comes_back(name: str) -> None:
     assert (found.slopes is None) == (made.slopes is None)
     if made.slopes is not None:
         np.testing.assert_array_equal(found.slopes, made.slopes)
-    np.testing.assert_array_equal(decode_objects(encode_objects(made.objects), made.size.side, name), made.objects)
+    np.testing.assert_array_equal(decode_objects(encode_objects(made.objects), name), made.objects)

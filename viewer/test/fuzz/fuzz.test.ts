@@ -51,7 +51,7 @@ const vectors = (folder: string): Uint8Array[] => listVectors(folder, ".ffov").m
 const PACKED_NEAR = ["near", "near/version-1"].flatMap((folder) => listVectors(folder, ".bin").map((name) => readVector(`${folder}/${name}`)));
 const NEAR = PACKED_NEAR.map((value) => glbOf(value, "near"));
 const BLOCKMAPS = listVectors("blockmaps", ".json").filter((name) => name !== "corrupt.json")
-  .map((name) => readJson<{ readonly blockmap: string; readonly object_ids: string; readonly n: number }>(`blockmaps/${name}`));
+  .map((name) => readJson<{ readonly blockmap: string; readonly object_ids: string }>(`blockmaps/${name}`));
 const fromBase64 = (content: string): Uint8Array => new Uint8Array(Buffer.from(content, "base64"));
 const text = (bytes: Uint8Array): string => new TextDecoder().decode(bytes);
 const SERVERS = { rule: "cell-crc32", level: 1, addresses: ["https://a.example.org/city/", "./", "../b/"] };
@@ -132,8 +132,8 @@ const DECODERS: readonly Decoder[] = [
   },
   {
     name: "blockmap objects",
-    decode: (bytes) => decodeBlockMapObjects(bytes, BLOCKMAPS[0]!.n, "objects"),
-    corpus: BLOCKMAPS.filter(({ n }) => n === BLOCKMAPS[0]!.n).map(({ object_ids: ids }) => fromBase64(ids)),
+    decode: (bytes) => decodeBlockMapObjects(bytes, "objects"),
+    corpus: BLOCKMAPS.map(({ object_ids: ids }) => fromBase64(ids)),
     shells: [BARE, SEALED_OBJECTS, SEALED_OBJECTS, OBJECTS_STREAM],
     bound: () => 16 * 64 * 64 + INFLATE_ROOM,
   },

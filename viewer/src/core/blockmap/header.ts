@@ -7,7 +7,7 @@ const MAGIC = 0x4d424646; // "FFBM"
 const VERSION = 1;
 const [BY_AREA, SLOPED] = [1, 2];
 /** Columns of the image of walls, by texels a side. */
-const COLUMNS: ReadonlyMap<number, number> = new Map([[16, 64], [32, 192], [64, 256]]);
+export const COLUMNS: ReadonlyMap<number, number> = new Map([[16, 64], [32, 192], [64, 256]]);
 const DENSITIES = 8;
 const LARGEST_STEP = 1e9;
 

@@ -1,6 +1,6 @@
 import { corrupt } from "../errors.js";
 import { inflate } from "../inflate.js";
-import { checksum } from "./header.js";
+import { checksum, COLUMNS } from "./header.js";
 
 const HEADER_BYTES = 16;
 const CRC_AT = 12;
@@ -8,13 +8,14 @@ const MAGIC = 0x4f424646; // "FFBO"
 const VERSION = 1;
 
 /**
- * (n, n) object ids of the texels of a BlockMap, 0 = none. Throws `corrupt` for anything but those of one with n texels a side. Allocates
- * at most 16 bytes a texel, and what `inflate` takes.
+ * (n, n) object ids of the texels of a BlockMap, 0 = none. Throws `corrupt` for anything else. Allocates at most 16 bytes a texel, and
+ * what `inflate` takes.
  */
-export function decodeBlockMapObjects(bytes: Uint8Array, n: number, where: string): Uint32Array {
+export function decodeBlockMapObjects(bytes: Uint8Array, where: string): Uint32Array {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
   const known = bytes.length >= HEADER_BYTES && view.getUint32(0, true) === MAGIC && view.getUint16(4, true) === VERSION;
-  if (!known || view.getUint8(6) !== n || view.getUint8(7) !== 0) throw corrupt("not the object ids of that BlockMap", where);
+  if (!known || !COLUMNS.has(view.getUint8(6)) || view.getUint8(7) !== 0) throw corrupt("not the object ids of a BlockMap", where);
+  const n = view.getUint8(6);
   const count = view.getUint32(8, true);
   const isSound = checksum(bytes, CRC_AT) === view.getUint32(CRC_AT, true) && count > 0 && count <= n * n;
   if (!isSound) throw corrupt("object ids are damaged", where);
