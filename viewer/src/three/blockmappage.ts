@@ -1,7 +1,7 @@
 import { DataArrayTexture, RGBAIntegerFormat, UnsignedByteType } from "three";
 import type { DecodedBlockMap } from "../core/blockmap/decode.js";
 
-/** About as many bytes a page has at most: 32 maps of 64:256, 78 of 32:192. */
+/** Bytes that a page has at most: 34 maps of 64:256, 118 of 32:192. */
 const PAGE_BYTES = 6 << 20;
 /** Layers that every card allows. */
 const MOST_LAYERS = 256;

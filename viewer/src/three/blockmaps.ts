@@ -11,8 +11,8 @@ import { HoleTexture, holeUniforms, setHoles } from "./holetexture.js";
 import type { LightUniforms } from "./light.js";
 import type { Viewpoint } from "./viewpoint.js";
 
-/** Metres below its lowest height that a map may be seen at: more than what shaders/blockmap.glsl says. */
-const BELOW = 0.002;
+/** Parts of a texel's width that a box reaches beyond the lowest and the highest point, as in shaders/blockmap.glsl. */
+const MARGIN = 64;
 
 /** A BlockMap on the graphics card. */
 export interface BlockMapHandle {
@@ -166,7 +166,8 @@ export class BlockMaps {
 
 /** What of a cell a map may be seen in. */
 function boxOf({ cell: { box }, handle }: BlockMapDraw): Box {
-  const { low, highest } = (handle as Held).map;
+  const { n, low, highest } = (handle as Held).map;
   const [x, y, z] = box.lower;
-  return { lower: [x, y, z + low - BELOW], upper: [box.upper[0], box.upper[1], z + highest] };
+  const margin = (box.upper[0] - x) / n / MARGIN;
+  return { lower: [x, y, z + low - margin], upper: [box.upper[0], box.upper[1], z + highest + margin] };
 }

@@ -53,8 +53,9 @@ void main() {
     vec3 inverse = 1.0 / dir;
     bvec3 rising = greaterThan(dir, vec3(0.0));
     float n = float(texels);
-    vec3 lower = vec3(0.0, 0.0, -BELOW);
-    vec3 upper = vec3(n, n, shape.w);
+    float margin = shape.x / MARGIN;
+    vec3 lower = vec3(0.0, 0.0, -margin);
+    vec3 upper = vec3(n, n, shape.w + margin);
     vec3 first = mix(upper, lower, rising);
     vec3 last = mix(lower, upper, rising);
 
@@ -94,7 +95,7 @@ void main() {
             }
 #ifdef HOLES
             // A wall is of the texel behind it, a top of what is above it.
-            vec3 inside = hit == SIDE ? vec3(ahead * 10.0 * shape.xy, 0.0) : vec3(0.0, 0.0, BELOW);
+            vec3 inside = hit == SIDE ? vec3(ahead * 10.0 * shape.xy, 0.0) : vec3(0.0, 0.0, margin);
             if (hit != NOTHING && !isHole(ray * (begin + t) + inside)) hit = NOTHING;
 #endif
             if (hit != NOTHING) break;
@@ -140,7 +141,7 @@ void main() {
         if (side.b > 0u) {
             vec3 p = origin + t * dir;
             float up = heightOf(255u);
-            float down = -BELOW;
+            float down = -margin;
             if (walling.y > 0.0) {
                 up = heightOf(texelAt(at.x, at.y).r);
                 ivec2 beside = at + (came < 2 ? ivec2(2 * came - 1, 0) : ivec2(0, 2 * came - 5));

@@ -1,3 +1,4 @@
 // What both stages know of BlockMaps.
 
-const float BELOW = 0.001; // metres by which the box reaches below code 1
+// Parts of a texel's width that the box reaches beyond the lowest and the highest point: what comes in from above is above the tops.
+const float MARGIN = 64.0;

@@ -20,8 +20,9 @@ flat out vec3 walling;
 flat out int layer;
 
 void main() {
-    vec3 lower = vec3(place.xy, place.z - BELOW);
-    vec3 upper = place.xyz + vec3(form.xy * float(texels), form.w);
+    float margin = form.x / MARGIN;
+    vec3 lower = vec3(place.xy, place.z - margin);
+    vec3 upper = place.xyz + vec3(form.xy * float(texels), form.w + margin);
     // Of a mirrored picture the far faces are those that are near in another.
     vec3 at = dot(cross(toX, toY), toW) > 0.0 ? vec3(1.0 - position.x, position.yz) : position;
     vec3 c = mix(lower, upper, at);
