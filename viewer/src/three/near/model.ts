@@ -31,7 +31,7 @@ export interface Placements {
 export interface NearModel {
   readonly parts: readonly NearPart[];
   readonly placements: readonly Placements[];
-  /** Bytes it takes on the graphics card. */
+  /** Bytes it takes on the graphics card, textures that others had before apart. */
   readonly bytes: number;
   dispose(): void;
 }

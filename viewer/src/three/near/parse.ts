@@ -19,6 +19,8 @@ export async function parseNearModel(value: Uint8Array, where: string, shelf: Te
   const bytes = glbOf(value, where);
   checkGlb(bytes, where);
   const taken: (() => void)[] = [];
+  /** Those that no other model had before: a city's leaves share their façades, and counted in each they would fill any budget. */
+  const own: Promise<Texture>[] = [];
   const loader = new GLTFLoader();
   if (isCompressed(bytes)) loader.setDRACOLoader(await dracoLoader(where));
   loader.register((parser) => ({
@@ -28,7 +30,10 @@ export async function parseNearModel(value: Uint8Array, where: string, shelf: Te
       if (hash === null) return null;
       const cutout = isCutout(parser, index);
       taken.push(() => shelf.release(hash, cutout));
-      return shelf.acquire(hash, cutout);
+      const isFirst = !shelf.isTaken(hash, cutout);
+      const texture = shelf.acquire(hash, cutout);
+      if (isFirst) own.push(texture);
+      return texture;
     },
   }));
   const release = (): void => taken.forEach((give) => give());
@@ -36,7 +41,7 @@ export async function parseNearModel(value: Uint8Array, where: string, shelf: Te
     const file = await loader.parseAsync(bytes.slice().buffer, "");
     const parts = partsOf(file.scene);
     const placements = await placementsOf(file.parser, file.scene.userData);
-    return modelOf(parts, placements, release);
+    return modelOf(parts, placements, await Promise.all(own), release);
   } catch (error) {
     release();
     if (error instanceof Error && error.name === "FarfieldError") throw error;
@@ -122,8 +127,7 @@ function placementsOf(parser: GLTFParser, extras: Extras): Promise<Placements[]>
   );
 }
 
-function modelOf(parts: NearPart[], placements: Placements[], release: () => void): NearModel {
-  const textures = new Set<Texture>(parts.flatMap(({ surface }) => surface.map ?? []));
+function modelOf(parts: NearPart[], placements: Placements[], textures: readonly Texture[], release: () => void): NearModel {
   let bytes = 0;
   for (const { geometry } of parts) {
     // Ids of objects are for picking; they need no place on the card.

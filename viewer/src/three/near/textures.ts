@@ -37,6 +37,11 @@ export class TextureShelf {
     return found.texture;
   }
 
+  /** Whether someone has its texture already, and pays for its room on the card. */
+  isTaken(hash: string, cutout: boolean): boolean {
+    return this.entries.has(`${hash} ${cutout}`);
+  }
+
   /** Whether an image is there, or on its way. */
   holds(hash: string): boolean {
     return this.ahead.has(hash) || this.expected.has(hash) || this.entries.has(`${hash} false`) || this.entries.has(`${hash} true`);
