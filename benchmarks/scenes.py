@@ -63,11 +63,11 @@ def _city(data: Path, folder: Path, credits: list[str], sources: list[str]) -> P
     shapes, heights = _shapes(data)
     write_flatgeobuf(folder / "buildings.fgb", shapes, heights)
     center = np.array(MIDDLE) + MAP_MIDDLE - np.array(TOKYO_ORIGIN)
-    return _write(folder, [
+    return write(folder, [
         'crs = "EPSG:6677"', f"origin = [{TOKYO_ORIGIN[0]}, {TOKYO_ORIGIN[1]}, 0.0]",
         f"credits = {json.dumps(credits)}",
         '[[source]]\npath = "buildings.fgb"\nheight_attribute = "height"', *sources,
-        _ground(1240, "asphalt", (float(center[0]), float(center[1]))),
+        ground(1240, "asphalt", (float(center[0]), float(center[1]))),
     ])  # fmt: skip
 
 
@@ -85,7 +85,7 @@ def forest(data: Path, folder: Path) -> Path:
     for k, name in enumerate(TREES):
         np.save(folder / f"{name}.npy", table[k::4])
         lines.append(_source(data / f"eztree_trees/{name}.glb", f"{name}.npy"))
-    return _write(folder, [*lines, _ground(200, "grass", (0.0, 0.0))])
+    return write(folder, [*lines, ground(200, "grass", (0.0, 0.0))])
 
 
 def statues(data: Path, folder: Path) -> Path:
@@ -104,7 +104,7 @@ def statues(data: Path, folder: Path) -> Path:
         np.save(folder / f"{name}.npy", table)
         shift = f"translate = [{middle[0]:.5f}, {middle[1]:.5f}, {-scale * low[2]:.5f}]\nscale = {scale:.6f}"
         lines.append(_source(path, f"{name}.npy") + "\n" + shift)
-    return _write(folder, [*lines, _ground(28, "paving", (0.0, 0.0), 12.0)])
+    return write(folder, [*lines, ground(28, "paving", (0.0, 0.0), 12.0)])
 
 
 SCENES: dict[str, Callable[[Path, Path], Path]] = {
@@ -138,12 +138,12 @@ def _source(path: Path, table: str) -> str:
     return f'[[source]]\npath = "{path}"\ninstances = "{table}"'
 
 
-def _ground(side: float, texture: str, center: tuple[float, float], tile: float = 30.0) -> str:
+def ground(side: float, texture: str, center: tuple[float, float], tile: float = 30.0) -> str:
     place = f"translate = [{center[0]}, {center[1]}, 0.0]"
     return f'[[ground]]\nsize = {float(side)}\ntexture = "{texture}"\ntile = {tile}\n{place}'
 
 
-def _write(folder: Path, lines: list[str]) -> Path:
+def write(folder: Path, lines: list[str]) -> Path:
     path = folder / "scene.toml"
     path.write_text("\n\n".join(lines) + "\n")
     return path
