@@ -64,6 +64,7 @@ MODES: dict[str, dict[str, Any]] = {
     "free": {},
     "geometry": {"nearRadius": ALL, "cacheBytes": 3 << 30},
 }
+MAPS = {"farGeometry": False, "nearRadius": 0}
 STILL: dict[str, Any] = {"frameMs": 0, "fade": 0, "shadows": False, "supersampling": 2}
 SIZES = {"16:64": 64.0, "32:192": 128.0, "64:256": 256.0}
 """Leaf size, metres, by that of BlockMaps."""
@@ -87,7 +88,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         bake(scene, store, BakeOptions(leaf_size=16.0, resolution=16, orthoviews=False, blockmap="16:64", workers=1))
         world = World.open(store)
         found = {"views": seen(browser, world, scene, ["whole"], Path(folder))}
-        return found | {"rates": {"16:64": rates(browser, world, AWAY[:2], {})}}
+        return found | {"rates": {"16:64": rates(browser, world, AWAY[:2], MAPS)}}
 
 
 def figures(work: Path, data: Path, views: Sequence[str]) -> dict[str, Any]:
@@ -103,9 +104,9 @@ def figures(work: Path, data: Path, views: Sequence[str]) -> dict[str, Any]:
         options = BakeOptions(leaf_size=leaf, resolution=side, orthoviews=False, blockmap=size, geometry=False)
         own = baked(scene, work / f"city-{side}", options)
         with opened_browser() as browser:
-            found["rates"][size] = rates(browser, own, AWAY, {"farGeometry": False})
+            found["rates"][size] = rates(browser, own, AWAY, MAPS)
             if size == "64:256":
-                levels = {f"{bias:+.0f}": {"farGeometry": False, "bias": bias} for bias in BIASES}
+                levels = {f"{bias:+.0f}": MAPS | {"bias": bias} for bias in BIASES}
                 found["rates by level"] = {n: rates(browser, own, AWAY, chosen) for n, chosen in levels.items()}
     with opened_browser() as browser:
         found["rates"]["geometry"] = rates(browser, world, AWAY, MODES["geometry"])

@@ -40,10 +40,9 @@ from farfield.world.manifest import (
     encode_manifest,
 )
 
-
 NEAR_OF_MAPS = 0.25
-"""Of r, within which leaves are geometry where there are BlockMaps alone: a texel of 2 m would be a pixel from 2 km, and
-geometry of all that is nearer 900 leaves; beyond it comes as far as it shows more for its bytes."""
+"""Of r, within which leaves are geometry where there are BlockMaps alone: a texel of 2 m is a pixel from 2 km on, and
+geometry of all that is nearer 900 leaves. Beyond, it comes as far as it shows more for its bytes."""
 
 
 @dataclass(frozen=True, slots=True)

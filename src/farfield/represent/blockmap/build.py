@@ -21,7 +21,7 @@ from farfield.represent.materials import MaterialTable
 from farfield.represent.orthoview.visibility import nearest_surface
 
 TOP_SAMPLES = 3
-"""Of a texel seen from above, along each axis: an odd number, one is in the middle. With 5 a map takes twice as long."""
+"""Of a texel seen from above, along each axis: an odd number, one is in the middle; 5 take twice as long."""
 CODES = 255
 ALIKE = 0.5
 """Of a texel's width: what is no higher or lower than that from its middle looks like its top."""

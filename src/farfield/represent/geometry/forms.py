@@ -40,11 +40,11 @@ class Form:
     """How unlike its images look when they are halved 0, 1, 2 … times, mean by area (likeness.blur_errors)."""
 
 
-def forms_of(chunk: Chunk, materials: MaterialTable) -> tuple[Form, ...]:
-    """The mesh itself, then its levels."""
+def forms_of(chunk: Chunk, materials: MaterialTable, simplified: bool = True) -> tuple[Form, ...]:
+    """The mesh itself, then its levels. simplified: whether it has any, which take a second to make."""
     extent = float(np.ptp(chunk.bounds, axis=0).max())
     texel, blur = _images_of(chunk, materials.arrays)
-    dense = len(chunk.triangles) >= FEWEST_PER_OBJECT * len(np.unique(chunk.objects))
+    dense = simplified and len(chunk.triangles) >= FEWEST_PER_OBJECT * len(np.unique(chunk.objects))
     levels = levels_of(chunk, materials) if dense else []
     each = ((level.chunk, level.errors, level.geometric_error) for level in levels)
     return tuple(Form(*one, extent, texel, blur) for one in ((chunk, (), 0.0), *each))
