@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class PlainCaster:
                     if enter < t < leave:
                         crossings.append((t, 2 * axis + int(ray[axis] < 0)))
         crossings.sort()
-        for (t, came), (end, _) in zip(crossings, crossings[1:], strict=False):
+        for (t, came), (end, _) in pairwise(crossings):
             middle = eye + (t + end) / 2 * ray
             i, j = (min(max(math.floor(middle[axis] / self.texel[axis]), 0), self.n - 1) for axis in range(2))
             if self.map.codes[j, i] == 0:
