@@ -12,33 +12,14 @@ from numpy.typing import NDArray
 
 from farfield.geometry.cameras import Camera
 from farfield.kernels.splat import LIGHT_STEPS
-from farfield.represent.blockmap.blockmap import SIZES, BlockMap
-from farfield.represent.blockmap.build import fitted_to
+from farfield.represent.blockmap.blockmap import BlockMap
 from farfield.view.blockmaps import CastableMap, draw_blockmap
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
 from kernels.plain_raycast import PlainCaster
+from represent.random_maps import DEPTH, WIDTH, random_map
 
-WIDTH, DEPTH = 48.0, 32.0
 SIZE = (24, 18)
-
-
-def random_map(seed: int, by_area: bool, sloped: bool, number: int = 0, holes: float = 0.2) -> BlockMap:
-    """Blocks of few heights with holes and slopes, colours at random."""
-    random, size = np.random.default_rng(seed), SIZES[number]
-    n = size.side
-    coarse = random.choice(np.array([1, 1, 3, 40, 120, 255], np.uint8), (n // 2, n // 2))
-    codes = coarse.repeat(2, 0).repeat(2, 1)
-    codes[random.random((n, n)) < holes] = 0
-    codes[n // 2, n // 2] = 200
-    slopes = (random.integers(-127, 128, (n, n, 2)) * (random.random((n, n, 1)) < 0.4)).astype(np.int8)
-    found = BlockMap(
-        size, -1.5, 0.06, codes, slopes if sloped else None, random.integers(0, 2, (4, n)).astype(np.uint8),
-        int(random.integers(1, 9)), 0, 0, by_area, random.integers(0, 256, (n, n + size.columns, 3)).astype(np.uint8),
-        np.empty(0, np.uint8), random.integers(1, 1000, (n, n)).astype(np.uint32),
-    )  # fmt: skip
-    found = fitted_to(found, WIDTH / n)
-    return found.with_turns(random.integers(0, 64, len(found.unfolded.sides)).astype(np.uint8))
 
 
 def random_camera(seed: int) -> Camera:
