@@ -112,7 +112,9 @@ class _Fine:
         others = np.argmax(there, axis=2)
         is_there = np.take_along_axis(there, chosen[..., None], 2)[..., 0]
         most = there.sum(axis=2) * 2 >= wide * deep
-        chosen = np.where(is_there | ~most, chosen, others)
+        # A map of nothing is none: of a cell where so little stands all of it does.
+        wanted = ~most if (is_there | most).any() else np.zeros_like(most)
+        chosen = np.where(is_there | wanted, chosen, others)
         picked = np.take_along_axis(height, chosen[..., None], 2)[..., 0]
         spread = np.nan_to_num(np.nanmax(_or_zero(height), axis=2) - np.nanmin(_or_zero(height), axis=2))
         alike = there & (np.abs(height - picked[..., None]) <= spread[..., None] / 2 + 1e-3)
