@@ -35,7 +35,7 @@ def filled(polygons: list[NDArray[np.float64]], size: int, along_y: bool) -> tup
     inside, known = np.zeros((size, size), np.uint32), np.zeros(size, np.int64)
     walls = np.concatenate([walls_of(polygon, along_y) for polygon in polygons])
     objects = np.repeat(np.arange(1, len(polygons) + 1), [len(one) for one in polygons]).astype(np.uint32)
-    fill_inside(walls, objects, size, along_y, inside, known)
+    fill_inside(walls, objects, objects, np.zeros(len(walls), np.uint8), size, along_y, inside, known)
     return inside, known
 
 
@@ -82,7 +82,18 @@ def test_bodies_that_the_map_cuts_were_inside_from_the_beginning(along_y: bool) 
     walls = np.concatenate([ends, normals_of(ends, along_y)], axis=1)
     objects = np.array([1, 1, 2, 2, 2], np.uint32)
     inside = np.zeros((16, 16), np.uint32)
-    fill_inside(walls, objects, 16, along_y, inside, np.zeros(16, np.int64))
+    fill_inside(walls, objects, objects, np.ones(5, np.uint8), 16, along_y, inside, np.zeros(16, np.int64))
     expected = np.zeros((16, 16), np.uint32)
     expected[:5, :6], expected[2:9, 12:] = 1, 2
     assert (inside == expected).all()
+
+
+@pytest.mark.parametrize("along_y", [False, True])
+def test_behind_a_single_sheet_nothing_is_inside(along_y: bool) -> None:
+    """As a sign has but one side, or a house walls that are objects of their own: none goes on at the rim."""
+    ends = np.array([[3.0, 9.0, 12.0, 4.0], [12.0, 4.0, 3.0, 9.0]])
+    for one in (ends[:1], ends[1:]):
+        walls, inside = np.concatenate([one, normals_of(one, along_y)], axis=1), np.zeros((16, 16), np.uint32)
+        body = np.ones(1, np.uint32)
+        fill_inside(walls, body, body, np.zeros(1, np.uint8), 16, along_y, inside, np.zeros(16, np.int64))
+        assert not inside.any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -151,6 +153,42 @@ def test_what_goes_on_above_the_cell_is_inside_and_dark() -> None:
     assert (found.objects[~inside] != 3).all()
     assert (found.colors[:, :N][inside] == found.colors[N // 2, N // 2]).all()
     assert found.slopes is None
+
+
+def test_what_goes_on_above_the_cell_and_beside_it_is_inside_to_the_rim() -> None:
+    """A body that covers the western half of the cell, of which only one wall stands in it."""
+    square = Square(128.0, 96.0, 32.0)
+    chunk = chunk_of([House((64.3, 48.0), (129.0, 96.0), 90.0)], square)
+    corners = chunk.positions[chunk.triangles]
+    kept = (corners[:, :, 2] == 0).all(axis=1) | (corners[:, :, 0] > 128).all(axis=1)
+    moved = replace(
+        chunk, positions=chunk.positions - np.float32([64.5, 0, 0]) * (chunk.positions[:, :1] > 128),
+        triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept],
+    )  # fmt: skip
+    found = built(moved, square=square)
+    inside = middles()[:, 0].reshape(N, N) < 64
+    np.testing.assert_array_equal(found.heights > 31, inside)
+
+
+def test_walls_that_are_objects_of_their_own_are_a_body_together() -> None:
+    square, tower = Square(128.0, 96.0, 32.0), House((64.3, 48.0), (30.0, 22.0), 90.0, turn=0.4)
+    chunk = chunk_of([tower], square)
+    found = built(replace(chunk, objects=np.arange(1, len(chunk.objects) + 1, dtype=np.uint32)), square=square)
+    np.testing.assert_array_equal(found.heights > 31, tower.height(middles()).reshape(N, N) > 0)
+
+
+def test_what_is_a_sheet_is_no_body() -> None:
+    """A sign that reaches through the cell's upper side, with one side, has nothing behind it."""
+    square, sign = Square(128.0, 96.0, 32.0), House((64.3, 48.0), (30.0, 22.0), 90.0)
+    chunk = chunk_of([sign], square)
+    corners = chunk.positions[chunk.triangles]
+    for axis, at in ((0, 79.3), (0, 49.3), (1, 59.0), (1, 37.0)):
+        kept = (corners[:, :, 2] == 0).all(axis=1) | (np.abs(corners[:, :, axis] - at) < 0.01).all(axis=1)
+        one = replace(
+            chunk, triangles=chunk.triangles[kept], materials=chunk.materials[kept], objects=chunk.objects[kept]
+        )
+        assert kept.sum() == 4
+        assert built(one, square=square).codes.max() == 1
 
 
 def test_without_ground_there_is_nothing_beside_houses_and_walls_go_down_to_the_lowest_point() -> None:
