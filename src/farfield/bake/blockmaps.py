@@ -36,7 +36,7 @@ class BakedMap:
     losses: tuple[int, ...] = ()
     """See CellEntry.losses; told where there are no orthoviews."""
     input: str = ""
-    """Hash of what it was made from."""
+    """Hash of what it was made from, or UNSEEN."""
     files: dict[str, bytes] = field(default_factory=dict)
     """It and its object ids by key, if they were made just now."""
 
@@ -47,6 +47,9 @@ class BakedMap:
 
 
 NO_MAP = BakedMap()
+UNSEEN = "unseen"
+"""In place of the input of a cell that has none because nothing of it is seen from above: a mast that reaches into it.
+Those above have BlockMaps without it."""
 
 
 def leaf_blockmap(
@@ -57,7 +60,7 @@ def leaf_blockmap(
         return NO_MAP
     made = build_blockmap(chunk, materials, _square(context, key), BlockMapSize.parse(context.job.options.blockmap))
     if made is None:
-        return NO_MAP
+        return BakedMap(input=UNSEEN)
     errors = FormErrors.against(sights_of(context.grid, key, bounds), chunk, materials, (0.0, 0.0))
     return _stored(context, key, made, errors)[0]
 
@@ -66,28 +69,38 @@ def parent_blockmap(
     context: BakeContext, key: CellKey, below: Sequence[BakedCell], bounds: Bounds, before: Record | None
 ) -> BakedMap:
     """Stores the BlockMap of a cell above; as it is noted where that was made from the same. below: its children."""
-    entries = [cell.record.entry.blockmap for cell in below]
+    seen = [cell for cell in below if cell.record.blockmap != UNSEEN]
+    entries = [cell.record.entry.blockmap for cell in seen]
     if not context.job.options.blockmap or None in entries:
         return NO_MAP
-    named = (f"{cell.key} {one.hash} {one.errors}".encode() for cell, one in zip(below, entries, strict=True) if one)
+    if not seen:
+        return BakedMap(input=UNSEEN)
+    named = (f"{cell.key} {one and (one.hash, one.errors)}".encode() for cell, one in _told_of(below))
     box = context.grid.bounds(key).tobytes()
     source = content_hash(context.job.signature.encode(), box, repr(bounds).encode(), *named)
     if before is not None and before.blockmap == source:
         return BakedMap(before.entry.blockmap, before.entry.losses, source)
-    maps = [_read(context, cell, one) for cell, one in zip(below, entries, strict=True) if one]
-    children = [_child(context, key, *one) for one in zip(below, maps, strict=True)]
+    maps = [_read(context, cell, one) for cell, one in zip(seen, entries, strict=True) if one]
+    children = [_child(context, key, *one) for one in zip(seen, maps, strict=True)]
     made = build_parent(children, _square(context, key), _merges(context, key))
-    placed = [_placed(context, cell.key, one) for cell, one in zip(below, maps, strict=True)]
+    placed = [_placed(context, cell.key, one) for cell, one in zip(seen, maps, strict=True)]
     told = np.mean([_errors(one) for one in entries if one], axis=0).tolist()
     sights = sights_of(context.grid, key, bounds)
     stored, shown = _stored(context, key, made, FormErrors.against_maps(sights, placed, (told[0], told[1])))
     losses: tuple[int, ...] = ()
     if not context.job.options.orthoviews:
-        each = enumerate(zip(below, placed, strict=True))
+        known = dict(zip((cell.key for cell in seen), placed, strict=True))
         losses = tuple(
-            map_loss(sights[n % len(sights)], shown, own, cell.key, cell.record.entry.bounds) for n, (cell, own) in each
+            map_loss(sights[n % len(sights)], shown, known[cell.key], cell.key, cell.record.entry.bounds)
+            if cell.key in known
+            else 0
+            for n, cell in enumerate(below)
         )
     return replace(stored, input=source, losses=losses)
+
+
+def _told_of(below: Sequence[BakedCell]) -> list[tuple[BakedCell, BlockMapEntry | None]]:
+    return [(cell, cell.record.entry.blockmap) for cell in below]
 
 
 def _errors(entry: BlockMapEntry) -> tuple[float, float]:

@@ -73,7 +73,8 @@ def bake_leaf(context: BakeContext, key: CellKey) -> BakedCell | None:
         output=output,
     )
     opaque = near is not None and near.opaque
-    finished = Record(source, entry, len(chunk.triangles), object_bytes, drawn, opaque)
+    count = len(chunk.triangles)
+    finished = Record(source, entry, count, object_bytes, drawn, opaque, blockmap=cast.input)
     write_record(context.store, key, finished)
     baked = _finished(context, key, finished, fresh=before is None or before.drawn != drawn, tiles=tiles)
     baked.files = (near.files if near else {}) | cast.files
