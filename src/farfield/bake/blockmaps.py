@@ -36,7 +36,7 @@ class BakedMap:
     losses: tuple[int, ...] = ()
     """See CellEntry.losses; told where there are no orthoviews."""
     input: str = ""
-    """Hash of what it was made from."""
+    """Hash of what it was made from, above the leaves."""
     files: dict[str, bytes] = field(default_factory=dict)
     """It and its object ids by key, if they were made just now."""
 
@@ -47,6 +47,7 @@ class BakedMap:
 
 
 NO_MAP = BakedMap()
+"""Of a cell of which nothing is seen from above, as of a mast that reaches into it. Those above have theirs without it."""
 
 
 def leaf_blockmap(
@@ -103,10 +104,10 @@ def _errors(entry: BlockMapEntry) -> tuple[float, float]:
 def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErrors) -> tuple[BakedMap, PlacedMap]:
     """What became of it, and it as it is stored."""
     data = encode_blockmap(made, WEBP_QUALITY[context.job.options.quality])
-    name = content_hash(data)
-    files = {blockmap_key(key, name): data}
-    if context.job.options.object_ids and made.objects is not None:
-        files[blockmap_objects_key(key, name)] = encode_objects(made.objects)
+    objects = made.objects if context.job.options.object_ids else None
+    ids = [] if objects is None else [encode_objects(objects)]
+    name = content_hash(data, *ids)
+    files = {blockmap_key(key, name): data} | {blockmap_objects_key(key, name): value for value in ids}
     for one, value in files.items():
         context.store.put(one, value)
     shown = _placed(context, key, decode_blockmap(data, blockmap_key(key, name)))

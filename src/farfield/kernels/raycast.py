@@ -46,13 +46,13 @@ def _ten(component):  # type: ignore[no-untyped-def]
     types.int64(
         F32_2, F32_3, U8_3, F32_1, types.int32[:, :, :, ::1], F32_3, U8_3, U32_2,
         F64_2, F64_2, F64_1, F32_1, types.int64, types.int64, types.int64, types.boolean,
-        types.float64, F32_2, U32_2, U32_2, U32_2,
+        types.float64, types.float64, F32_2, U32_2, U32_2, U32_2,
     )
 )  # fmt: skip
 def cast_rays(  # type: ignore[no-untyped-def]
     heights, slopes, distances, thresholds, places, azimuths, colors, objects,
     box, to_ray, eye_texels, sun, x0, y0, across, by_area,
-    highest, frame_depth, frame_surface, frame_normal, frame_object,
+    lowest, highest, frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws a BlockMap into a frame; returns how many samples it is seen in.
 
@@ -63,14 +63,13 @@ def cast_rays(  # type: ignore[no-untyped-def]
     box: (2, 3) texels along x and y and metres up from the cell's lower corner, to which rays are cut.
     to_ray: (3, 3) from samples (x, y, 1) to the ray's direction, texels along x and y and metres up, 1 along the view
     axis. eye_texels: (3,) the eye in these. sun: (3,). x0, y0: first sample of the frame's part, which frame_* are.
-    across: columns of a wall. by_area: see BlockMap. highest: metres, end of the range of codes.
+    across: columns of a wall. by_area: see BlockMap. lowest, highest: metres, ends of the range of codes.
     """
     n = heights.shape[0]
     height, width = frame_depth.shape
     with_normals = frame_normal.size > 0
     with_objects = frame_object.size > 0
     ex, ey, ez = eye_texels[0], eye_texels[1], eye_texels[2]
-    low_z = box[0, 2]
     drawn = 0
     for sample_y in range(height):
         for sample_x in range(width):
@@ -192,7 +191,7 @@ def cast_rays(  # type: ignore[no-untyped-def]
             if hit == 1 and side != IN_AIR and places[j, i, side, 2] > 0:
                 rows = np.int64(places[j, i, side, 2])
                 z = ez + t * dz
-                upper, lower = np.float64(heights[j, i]), low_z
+                upper, lower = np.float64(heights[j, i]), lowest
                 if by_area:
                     x, y = i, j
                     if side == 0:
