@@ -47,7 +47,7 @@ class BakedMap:
 
 
 NO_MAP = BakedMap()
-"""Of a cell of which nothing is seen from above, as of a mast that reaches into it. Those above have theirs without it."""
+"""Of a cell of which nothing is seen from above, as of a mast that reaches into it. Those above do without it."""
 
 
 def leaf_blockmap(
