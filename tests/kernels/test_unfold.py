@@ -34,7 +34,7 @@ def traced(of: Map) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The walls in their order, and which sides are some."""
     codes, border, least = of
     taken, order = np.zeros(4 * codes.size, np.int32), np.full(4 * codes.size, -1, np.int32)
-    count = trace_walls(codes, border, least, taken, order)
+    count = trace_walls(codes, np.zeros_like(codes), border, least, taken, order)
     return order[:count], taken
 
 
@@ -65,7 +65,7 @@ def test_walls_have_the_places_of_the_plain_twin(of: Map, density: tuple[int, in
     (codes, border, least), n = of, len(of[0])
     order, _ = traced(of)
     places = np.zeros((4 * n * n, 3), np.int32)
-    used = place_walls(codes, border, least, order, len(order), columns, *density, scale, places)
+    used = place_walls(codes, np.zeros_like(codes), border, least, order, len(order), columns, *density, scale, places)
     plain, plainly_used = PlainWalls(*of).placed(columns, *density, scale)
     assert used == plainly_used
     assert {int(k): tuple(places[k].tolist()) for k in np.flatnonzero(places[:, 2])} == {
@@ -77,7 +77,7 @@ def test_walls_have_the_places_of_the_plain_twin(of: Map, density: tuple[int, in
 @given(maps(), st.integers(0, len(DENSITIES) - 1), st.sampled_from([1, 64, 300, 65535]))
 def test_walls_have_texels_of_their_own_but_for_those_that_share(of: Map, density: int, scale: int) -> None:
     columns = 64
-    found = unfolded(*of, columns, density, scale, by_area=True)
+    found = unfolded(of[0], None, *of[1:], columns, density, scale, by_area=True)
     across, sharing = DENSITIES[density]
     owners = np.zeros((max(found.rows, 1), columns), int)
     shared: set[tuple[int, int]] = set()
@@ -95,7 +95,7 @@ def test_walls_have_texels_of_their_own_but_for_those_that_share(of: Map, densit
 @given(maps(), st.sampled_from([4, 64]))
 def test_by_column_each_texel_with_a_wall_has_one_normal_and_one_column(of: Map, columns: int) -> None:
     n = len(of[0])
-    found = unfolded(*of, columns, 3, 1, by_area=False)
+    found = unfolded(of[0], None, *of[1:], columns, 3, 1, by_area=False)
     first: dict[tuple[int, int], int] = {}
     for i, j, _ in PlainWalls(*of).listed():
         first.setdefault((i, j), len(first))
@@ -113,6 +113,6 @@ def test_by_column_each_texel_with_a_wall_has_one_normal_and_one_column(of: Map,
 @pytest.mark.parametrize("by_area", [False, True])
 def test_where_nothing_stands_there_are_no_walls(by_area: bool) -> None:
     flat = np.full((16, 16), 7, np.uint8)
-    found = unfolded(flat, np.zeros((4, 16), np.uint8), 1, 64, 0, 256, by_area)
+    found = unfolded(flat, None, np.zeros((4, 16), np.uint8), 1, 64, 0, 256, by_area)
     assert not found.is_wall.any()
     assert len(found.sides) == 0

@@ -44,19 +44,20 @@ def _ten(component):  # type: ignore[no-untyped-def]
 
 @kernel(
     types.int64(
-        F32_2, F32_3, U8_3, F32_1, types.int32[:, :, :, ::1], F32_3, U8_3, U32_2,
+        F32_2, F32_2, F32_3, U8_3, F32_1, types.int32[:, :, :, ::1], F32_3, U8_3, U32_2,
         F64_2, F64_2, F64_1, F32_1, types.int64, types.int64, types.int64, types.boolean,
         types.float64, types.float64, F32_2, U32_2, U32_2, U32_2,
     )
 )  # fmt: skip
 def cast_rays(  # type: ignore[no-untyped-def]
-    heights, slopes, distances, thresholds, places, azimuths, colors, objects,
+    heights, floors, slopes, distances, thresholds, places, azimuths, colors, objects,
     box, to_ray, eye_texels, sun, x0, y0, across, by_area,
     lowest, highest, frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws a BlockMap into a frame; returns how many samples it is seen in.
 
-    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. slopes: (n, n, 4)
+    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. floors: (n, n) metres
+    down to which what stands there goes. slopes: (n, n, 4)
     metres that the top rises from side to side of a texel along x and y, and for each metre. distances: (LEAPS, n, n),
     thresholds: (LEAPS,) of kernels.leaps. places: (n, n, 4, 3) of Unfolded.
     azimuths: (n, n, 4) radians; colors: (n, n + m, 3) sRGB; objects: (n, n) or (0, 0).
@@ -130,7 +131,14 @@ def cast_rays(  # type: ignore[no-untyped-def]
                     gx, gy = np.float64(slopes[j, i, 0]), np.float64(slopes[j, i, 1])
                     above = z - top - gx * (ex + t * dx - i - 0.5) - gy * (ey + t * dy - j - 0.5)
                     then = ez + out * dz - top - gx * (ex + out * dx - i - 0.5) - gy * (ey + out * dy - j - 0.5)
-                    if above < 0.0:
+                    floor = np.float64(floors[j, i])
+                    if above < 0.0 and z < floor:
+                        # Below what stands there, and perhaps on the way up to it.
+                        if ez + out * dz > floor:
+                            t = (floor - ez) / dz
+                            hit = 2
+                            break
+                    elif above < 0.0:
                         if side != IN_AIR or below:
                             hit = 1
                             break
@@ -204,6 +212,7 @@ def cast_rays(  # type: ignore[no-untyped-def]
                         y += 1
                     if x >= 0 and y >= 0 and x < n and y < n and heights[y, x] == heights[y, x]:
                         lower = np.float64(heights[y, x])
+                    lower = max(lower, np.float64(floors[j, i]))
                 else:
                     upper = highest
                 along = ey + t * dy - j if side < 2 else ex + t * dx - i
