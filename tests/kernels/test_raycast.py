@@ -108,3 +108,19 @@ def test_what_lies_behind_is_hidden_and_what_lies_before_is_kept() -> None:
     moved = Frame.empty(Camera(tuple(far + camera.eye), tuple(far + camera.target), 40.0), SIZE, 1)
     draw_blockmap(moved, castable, far, Light())
     assert np.isclose(moved.depth, whole.depth, rtol=1e-4).mean() > 0.99
+
+
+def test_no_ray_through_corners_is_lost() -> None:
+    """Along diagonals rounding must not lead it to and fro between two texels."""
+    n, size = 32, (320, 240)
+    blockmap = random_map(5, True, False, number=1, holes=0.0)
+    castable = CastableMap.of(blockmap, np.array([float(n), float(n), 99.0]))
+    for eye in ((64.0, 64.0, 408.0), (-32.0, 64.0, 408.0), (16.0, 16.0, 200.0), (16.0, 16.0, 90.0)):
+        camera = Camera(eye, (eye[0], eye[1], 0.0), 24.0)
+        frame, rays = Frame.empty(camera, size, 1), camera.rays(size)
+        draw_blockmap(frame, castable, np.zeros(3), Light())
+        # What is within the map at both ends of its height.
+        ends = [np.array(eye[:2]) + rays[..., :2] * (eye[2] - up) for up in (blockmap.low, blockmap.low + 16)]
+        inside = np.all([(end > 0.1) & (end < n - 0.1) for end in ends], axis=(0, -1))
+        assert inside.sum() > 500
+        assert np.isfinite(frame.depth[inside]).all()

@@ -163,8 +163,8 @@ def surface_of(blockmap: BlockMap, width: float, depth: float, each: int = 5) ->
     points = [np.stack([(i + 0.5 + x) * texel[0], (j + 0.5 + y) * texel[1], plane(j, i, x, y)], axis=1)]
     for axis in range(2):
         rows, columns = n - axis, n - 1 + axis
-        each = np.meshgrid(np.arange(rows), np.arange(columns), at, np.linspace(0, 1, 9), indexing="ij")
-        j, i, s, u = (grid.ravel() for grid in each)
+        grids = np.meshgrid(np.arange(rows), np.arange(columns), at, np.linspace(0, 1, 9), indexing="ij")
+        j, i, s, u = (grid.ravel() for grid in grids)
         j, i, half = j.astype(int), i.astype(int), np.full(len(s), 0.5)
         if axis == 0:
             one, other = plane(j, i, half, s), plane(j, i + 1, -half, s)

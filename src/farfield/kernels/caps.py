@@ -22,7 +22,7 @@ def fill_inside(walls, objects, bodies, goes_on, size, along_y, inside, known): 
 
     walls: (k, 5) x and y of both ends, in cells of the grid, and the sign of the normal's part along the line. objects:
     (k,) of each, not 0. bodies: (k,) number of that which each is a wall of. goes_on: (k,) whether that reaches the rim
-    of the grid. along_y: whether lines run along y. inside: (size, size) rows along y, out: object where it is
+    of the grid. along_y: whether lines run along y. inside: (size, size) rows along y, out: object where it is,
     0 = outside. known: (size,) out: lines with any wall; of others nothing can be told.
     """
     first = np.zeros(size + 1, np.int64)

@@ -38,6 +38,13 @@ def _exit(position, direction, low, high):  # type: ignore[no-untyped-def]
 
 
 @device
+def _onward(texel, position, direction):  # type: ignore[no-untyped-def]
+    """The texel of a position, not behind that in which the ray was: rounding at corners would lead it to and fro."""
+    found = np.int64(math.floor(position))
+    return max(texel, found) if direction > 0.0 else min(texel, found)
+
+
+@device
 def _ten(component):  # type: ignore[no-untyped-def]
     return np.uint32((min(max(component, -_ONE), _ONE) + _ONE) * np.float32(511.0) + _HALF)
 
@@ -176,15 +183,15 @@ def cast_rays(  # type: ignore[no-untyped-def]
                     break
                 t = best
                 if up_to:
-                    i = min(max(np.int64(math.floor(ex + t * dx)), 0), n - 1)
-                    j = min(max(np.int64(math.floor(ey + t * dy)), 0), n - 1)
+                    i = min(max(_onward(i, ex + t * dx, dx), 0), n - 1)
+                    j = min(max(_onward(j, ey + t * dy, dy), 0), n - 1)
                     side = IN_AIR
                 elif best_x <= best_y:
                     i = np.int64(math.floor(ex + t * dx + 0.5)) - (0 if dx > 0.0 else 1)
-                    j = np.int64(math.floor(ey + t * dy))
+                    j = _onward(j, ey + t * dy, dy)
                     side = 0 if dx > 0.0 else 1
                 else:
-                    i = np.int64(math.floor(ex + t * dx))
+                    i = _onward(i, ex + t * dx, dx)
                     j = np.int64(math.floor(ey + t * dy + 0.5)) - (0 if dy > 0.0 else 1)
                     side = 2 if dy > 0.0 else 3
                 if i < 0 or j < 0 or i >= n or j >= n:

@@ -189,7 +189,8 @@ def draw_blockmap(
     drawn = int(
         cast_rays(
             castable.heights, castable.floors, castable.slopes, castable.distances, castable.thresholds,
-            own.places, castable.azimuths, blockmap.colors, ids, np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
+            own.places, castable.azimuths, blockmap.colors, ids,
+            np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
             light.sun.astype(np.float32), x0, y0, own.across, blockmap.by_area,
             blockmap.low, blockmap.low + 254 * blockmap.step, depth, surface, normal, objects,
         )

@@ -133,7 +133,10 @@ void main() {
         if (best >= leave) break;
         t = best;
         vec2 p = origin.xy + t * dir.xy;
-        at = ivec2(floor(p));
+        // Never back: at corners rounding would lead a ray to and fro.
+        ivec2 there = ivec2(floor(p));
+        at.x = rising.x ? max(at.x, there.x) : min(at.x, there.x);
+        at.y = rising.y ? max(at.y, there.y) : min(at.y, there.y);
         if (down) {
             came = FROM_ABOVE;
             at = clamp(at, ivec2(0), ivec2(texels - 1));
