@@ -47,10 +47,10 @@ def star(random: np.random.Generator, size: int) -> NDArray[np.float64]:
     return random.uniform(0.3, 0.7, 2) * size + reach[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10**6), st.integers(1, 3), st.booleans())
 def test_as_points_in_polygons(seed: int, bodies: int, along_y: bool) -> None:
-    size, random = 24, np.random.default_rng(seed)
+    size, random = 14, np.random.default_rng(seed)
     polygons = [star(random, size) for _ in range(bodies)]
     inside, known = filled(polygons, size, along_y)
     for row in range(size):
