@@ -81,7 +81,7 @@ class BlockMap:
     objects: NDArray[np.uint32] | None = None
     """(n, n) object ids of the tops; None: not known."""
     floors: NDArray[np.uint8] | None = None
-    """(n, n) code of where what stands in a texel ends below; 0, 1: nowhere. None: nowhere in all, as far as one sees."""
+    """(n, n) code of where what stands in a texel ends below; 0, 1: nowhere. None: nowhere, as far as is seen."""
 
     @cached_property
     def unfolded(self) -> Unfolded:
