@@ -69,7 +69,7 @@ const SAID = [
 /** Node has no decoder of WebP. */
 const grey = (_: Uint8Array, width: number, height: number): Promise<Uint8ClampedArray> =>
   Promise.resolve(new Uint8ClampedArray(width * height * 4).fill(99));
-const shelf = { acquire: () => Promise.resolve(new Texture({ width: 1, height: 1 })), release: () => undefined } as unknown as TextureShelf;
+const shelf = { isTaken: () => false, acquire: () => Promise.resolve(new Texture({ width: 1, height: 1 })), release: () => undefined } as unknown as TextureShelf;
 
 async function orthoview(bytes: Uint8Array): Promise<void> {
   const { width, height, count, pixels } = await decodeTile(bytes, "tile", grey);
