@@ -17,7 +17,15 @@ from farfield.world.manifest import KEY
 from fuzz.apart import Apart
 from fuzz.decoders import decoders, golden
 from fuzz.judge import Outcome
-from fuzz.shells import GLB_BODY, GLB_JSON, INDEX_TEXT, plane
+from fuzz.shells import (
+    BLOCKMAP_OBJECTS_STREAM,
+    GLB_BODY,
+    GLB_JSON,
+    INDEX_TEXT,
+    blockmap_stream,
+    plane,
+    sealed,
+)
 from represent.random_layers import random_layer
 
 COUNT = 4000
@@ -72,6 +80,14 @@ def picture(mode: str, form: str = "PNG") -> bytes:
     return stream.getvalue()
 
 
+def with_picture(blockmap: bytes, side: int) -> bytes:
+    """With a picture of another size."""
+    end = 40 + sum(struct.unpack_from("<III", blockmap, 24))
+    stream = io.BytesIO()
+    Image.new("RGB", (side, side)).save(stream, "WEBP")
+    return sealed(blockmap[:end] + stream.getvalue())
+
+
 def values() -> Iterator[tuple[str, str, bytes]]:
     """Decoder, what it is, and the value."""
     yield "index", "cells", index()
@@ -108,6 +124,13 @@ def values() -> Iterator[tuple[str, str, bytes]]:
     yield "texture", "grey and alpha", picture("LA")
     yield "texture", "JPEG", picture("CMYK", "JPEG")
     yield "orthoview", "large", encode_tile(random_layer(5, 400, 400), 0, 0, 0, quality("normal"))
+    yield "blockmap", "a bomb", blockmap_stream(0).close(decoders()["blockmap"].corpus[0], bytes(64 << 20))
+    yield "blockmap", "a large picture", with_picture(decoders()["blockmap"].corpus[0], 4000)
+    yield (
+        "blockmap_objects",
+        "a bomb",
+        BLOCKMAP_OBJECTS_STREAM.close(decoders()["blockmap_objects"].corpus[0], bytes(64 << 20)),
+    )
     small, depth = encode_tile(random_layer(5, 2, 2), 0, 0, 0, quality("normal")), plane(DEPTH)
     yield "orthoview", "long plane", depth.close(small, (depth.open(small) or b"") + bytes(1 << 20))
 

@@ -40,6 +40,10 @@ from farfield.world.manifest import (
     encode_manifest,
 )
 
+NEAR_OF_MAPS = 0.25
+"""Of r, within which leaves are geometry where there are BlockMaps alone: a texel of 2 m is a pixel from 2 km on, and
+geometry of all that is nearer 900 leaves. Beyond, it comes as far as it shows more for its bytes."""
+
 
 @dataclass(frozen=True, slots=True)
 class BakeResult:
@@ -128,6 +132,7 @@ def _manifest(job: BakeJob, store: Store, tree: Tree) -> Manifest:
         grid=GridRecord(grid.leaf_size, grid.resolution, grid.corner, grid.axis_levels),
         directions=tuple(DirectionRecord(d.number, d.vector) for d in job.options.direction_list()),
         depth_layers=job.options.depth_layers,
+        near=msgspec.UNSET if job.options.orthoviews else NEAR_OF_MAPS,
         index_depth=INDEX_DEPTH,
         roots=tuple(RootRecord(str(root.key), root.index) for root in tree.roots),
         credits=scene.credits,

@@ -36,7 +36,7 @@ class BakedMap:
     losses: tuple[int, ...] = ()
     """See CellEntry.losses; told where there are no orthoviews."""
     input: str = ""
-    """Hash of what it was made from."""
+    """Hash of what it was made from, above the leaves."""
     files: dict[str, bytes] = field(default_factory=dict)
     """It and its object ids by key, if they were made just now."""
 
@@ -47,13 +47,14 @@ class BakedMap:
 
 
 NO_MAP = BakedMap()
+"""Of a cell of which nothing is seen from above, as of a mast that reaches into it. Those above do without it."""
 
 
 def leaf_blockmap(
     context: BakeContext, key: CellKey, chunk: Chunk, materials: MaterialTable, bounds: Bounds
 ) -> BakedMap:
     """Stores the BlockMap of a leaf. chunk: all that is in it, metres from its lower corner."""
-    if not context.job.options.blockmap or materials.arrays.unlit[np.unique(chunk.materials)].any():
+    if not context.job.options.blockmap:
         return NO_MAP
     made = build_blockmap(chunk, materials, _square(context, key), BlockMapSize.parse(context.job.options.blockmap))
     if made is None:
@@ -66,26 +67,30 @@ def parent_blockmap(
     context: BakeContext, key: CellKey, below: Sequence[BakedCell], bounds: Bounds, before: Record | None
 ) -> BakedMap:
     """Stores the BlockMap of a cell above; as it is noted where that was made from the same. below: its children."""
-    entries = [cell.record.entry.blockmap for cell in below]
-    if not context.job.options.blockmap or None in entries:
+    with_one = [(cell, one) for cell in below if (one := cell.record.entry.blockmap) is not None]
+    if not context.job.options.blockmap or not with_one:
         return NO_MAP
-    named = (f"{cell.key} {one.hash} {one.errors}".encode() for cell, one in zip(below, entries, strict=True) if one)
+    named = (f"{cell.key} {one.hash} {one.errors}".encode() for cell, one in with_one)
     box = context.grid.bounds(key).tobytes()
     source = content_hash(context.job.signature.encode(), box, repr(bounds).encode(), *named)
     if before is not None and before.blockmap == source:
         return BakedMap(before.entry.blockmap, before.entry.losses, source)
-    maps = [_read(context, cell, one) for cell, one in zip(below, entries, strict=True) if one]
-    children = [_child(context, key, *one) for one in zip(below, maps, strict=True)]
+    maps = [(cell, _read(context, cell, one)) for cell, one in with_one]
+    children = [_child(context, key, *one) for one in maps]
     made = build_parent(children, _square(context, key), _merges(context, key))
-    placed = [_placed(context, cell.key, one) for cell, one in zip(below, maps, strict=True)]
-    told = np.mean([_errors(one) for one in entries if one], axis=0).tolist()
+    placed = {cell.key: _placed(context, cell.key, one) for cell, one in maps}
+    told = np.mean([_errors(one) for _, one in with_one], axis=0).tolist()
     sights = sights_of(context.grid, key, bounds)
-    stored, shown = _stored(context, key, made, FormErrors.against_maps(sights, placed, (told[0], told[1])))
+    stored, shown = _stored(
+        context, key, made, FormErrors.against_maps(sights, list(placed.values()), (told[0], told[1]))
+    )
     losses: tuple[int, ...] = ()
     if not context.job.options.orthoviews:
-        each = enumerate(zip(below, placed, strict=True))
         losses = tuple(
-            map_loss(sights[n % len(sights)], shown, own, cell.key, cell.record.entry.bounds) for n, (cell, own) in each
+            map_loss(sights[n % len(sights)], shown, placed[cell.key], cell.key, cell.record.entry.bounds)
+            if cell.key in placed
+            else 0
+            for n, cell in enumerate(below)
         )
     return replace(stored, input=source, losses=losses)
 
@@ -99,10 +104,10 @@ def _errors(entry: BlockMapEntry) -> tuple[float, float]:
 def _stored(context: BakeContext, key: CellKey, made: BlockMap, errors: FormErrors) -> tuple[BakedMap, PlacedMap]:
     """What became of it, and it as it is stored."""
     data = encode_blockmap(made, WEBP_QUALITY[context.job.options.quality])
-    name = content_hash(data)
-    files = {blockmap_key(key, name): data}
-    if context.job.options.object_ids and made.objects is not None:
-        files[blockmap_objects_key(key, name)] = encode_objects(made.objects)
+    objects = made.objects if context.job.options.object_ids else None
+    ids = [] if objects is None else [encode_objects(objects)]
+    name = content_hash(data, *ids)
+    files = {blockmap_key(key, name): data} | {blockmap_objects_key(key, name): value for value in ids}
     for one, value in files.items():
         context.store.put(one, value)
     shown = _placed(context, key, decode_blockmap(data, blockmap_key(key, name)))

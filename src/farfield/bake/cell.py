@@ -36,7 +36,7 @@ class Record(msgspec.Struct, frozen=True):
     merged: str = ""
     """Of a cell above the leaves: hash of what its geometry was made from; empty: it may have none."""
     blockmap: str = ""
-    """The same of its BlockMap, of a leaf of what was in it."""
+    """The same of its BlockMap."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,13 +38,15 @@ WIDTHS = 3
 def shared_meshes(instances: Instances, summaries: Sequence[MeshSummary], grid: Grid) -> NDArray[np.bool_]:
     """(meshes,) which are kept whole, as files of their own that leaves place.
 
-    Those that are placed more than once; and objects no longer than MOST_EDGES leaves with triangles enough for levels,
-    so that viewers can be sent one after the other, as far as no leaf has more than it may list.
+    Those that are placed more than once; and single objects, no blocks of buildings, no longer than MOST_EDGES leaves
+    with triangles enough for levels, so that viewers can be sent one after the other, as far as no leaf has more than
+    it may list.
     """
     placements = np.bincount(instances.mesh, minlength=len(summaries))
     shared = placements > 1
     triangles = np.array([summary.triangles for summary in summaries], np.int64)
-    rows = np.flatnonzero((placements == 1)[instances.mesh] & (triangles >= FEWEST_TRIANGLES)[instances.mesh])
+    once = (placements == 1)[instances.mesh] & (instances.objects == 1)
+    rows = np.flatnonzero(once & (triangles >= FEWEST_TRIANGLES)[instances.mesh])
     boxes = [_box(summaries[mesh]) for mesh in instances.mesh[rows].tolist()]
     if not boxes:
         return shared

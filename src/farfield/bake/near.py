@@ -71,7 +71,9 @@ def near_geometry(
     instances = instances_in(context, key, position, shared)
     if _size(full) <= FEWEST_BYTES:
         return NearGeometry(_entry(full, ()), instances, made.files, opaque)
-    forms: tuple[Form, ...] = forms_of(chunk, materials.table) if chunk is not None else ()
+    # Where there are BlockMaps alone these stand in for what is far, for fewer bytes than simplified buildings.
+    simplified = context.job.options.orthoviews
+    forms: tuple[Form, ...] = forms_of(chunk, materials.table, simplified) if chunk is not None else ()
     listed = [_Part(forms, forms[0].extent)] if forms else []
     for mesh in shared:
         scale = np.cbrt(np.abs(np.linalg.det(_transforms(context, position, mesh)[:, :, :3])))

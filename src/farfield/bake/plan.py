@@ -22,8 +22,8 @@ TRIANGLES_PER_LEAF = 10_000
 """What the default leaf size aims at, at least: fewer are cheaper drawn than the 100,000 pixels of a leaf's pictures.
 At 2,000 leaves a statue
 of a million triangles would be 68,000 tiles of a few hundred triangles each."""
-TRIANGLES_PER_BLOCKMAP = 512
-"""The same where there are no orthoviews but BlockMaps: some thirty buildings, whose walls these have room for."""
+TRIANGLES_PER_BLOCKMAP = 384
+"""The same where there are no orthoviews but BlockMaps: some twenty buildings, whose walls these have room for."""
 MOST_BLOCKMAPS = 1 << 18
 LARGEST_WORLD = 1 << 20
 """Leaves along an axis beyond which the leaf size is refused as absurd."""

@@ -38,39 +38,46 @@ def _exit(position, direction, low, high):  # type: ignore[no-untyped-def]
 
 
 @device
+def _onward(texel, position, direction):  # type: ignore[no-untyped-def]
+    """The texel of a position, not behind that in which the ray was: rounding at corners would lead it to and fro."""
+    found = np.int64(math.floor(position))
+    return max(texel, found) if direction > 0.0 else min(texel, found)
+
+
+@device
 def _ten(component):  # type: ignore[no-untyped-def]
     return np.uint32((min(max(component, -_ONE), _ONE) + _ONE) * np.float32(511.0) + _HALF)
 
 
 @kernel(
     types.int64(
-        F32_2, F32_3, U8_3, F32_1, types.int32[:, :, :, ::1], F32_3, U8_3, U32_2,
+        F32_2, F32_2, F32_3, U8_3, F32_1, types.int32[:, :, :, ::1], F32_3, U8_3, U32_2,
         F64_2, F64_2, F64_1, F32_1, types.int64, types.int64, types.int64, types.boolean,
-        types.float64, F32_2, U32_2, U32_2, U32_2,
+        types.float64, types.float64, F32_2, U32_2, U32_2, U32_2,
     )
 )  # fmt: skip
 def cast_rays(  # type: ignore[no-untyped-def]
-    heights, slopes, distances, thresholds, places, azimuths, colors, objects,
+    heights, floors, slopes, distances, thresholds, places, azimuths, colors, objects,
     box, to_ray, eye_texels, sun, x0, y0, across, by_area,
-    highest, frame_depth, frame_surface, frame_normal, frame_object,
+    lowest, highest, frame_depth, frame_surface, frame_normal, frame_object,
 ):  # fmt: skip
     """Draws a BlockMap into a frame; returns how many samples it is seen in.
 
-    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. slopes: (n, n, 4)
+    heights: (n, n) metres in the middle of texels, from the cell's lower corner; NaN = nothing. floors: (n, n) metres
+    down to which what stands there goes. slopes: (n, n, 4)
     metres that the top rises from side to side of a texel along x and y, and for each metre. distances: (LEAPS, n, n),
     thresholds: (LEAPS,) of kernels.leaps. places: (n, n, 4, 3) of Unfolded.
     azimuths: (n, n, 4) radians; colors: (n, n + m, 3) sRGB; objects: (n, n) or (0, 0).
     box: (2, 3) texels along x and y and metres up from the cell's lower corner, to which rays are cut.
     to_ray: (3, 3) from samples (x, y, 1) to the ray's direction, texels along x and y and metres up, 1 along the view
     axis. eye_texels: (3,) the eye in these. sun: (3,). x0, y0: first sample of the frame's part, which frame_* are.
-    across: columns of a wall. by_area: see BlockMap. highest: metres, end of the range of codes.
+    across: columns of a wall. by_area: see BlockMap. lowest, highest: metres, ends of the range of codes.
     """
     n = heights.shape[0]
     height, width = frame_depth.shape
     with_normals = frame_normal.size > 0
     with_objects = frame_object.size > 0
     ex, ey, ez = eye_texels[0], eye_texels[1], eye_texels[2]
-    low_z = box[0, 2]
     drawn = 0
     for sample_y in range(height):
         for sample_x in range(width):
@@ -131,7 +138,14 @@ def cast_rays(  # type: ignore[no-untyped-def]
                     gx, gy = np.float64(slopes[j, i, 0]), np.float64(slopes[j, i, 1])
                     above = z - top - gx * (ex + t * dx - i - 0.5) - gy * (ey + t * dy - j - 0.5)
                     then = ez + out * dz - top - gx * (ex + out * dx - i - 0.5) - gy * (ey + out * dy - j - 0.5)
-                    if above < 0.0:
+                    floor = np.float64(floors[j, i])
+                    if above < 0.0 and z < floor:
+                        # Below what stands there, and perhaps on the way up to it.
+                        if ez + out * dz > floor:
+                            t = (floor - ez) / dz
+                            hit = 2
+                            break
+                    elif above < 0.0:
                         if side != IN_AIR or below:
                             hit = 1
                             break
@@ -169,15 +183,15 @@ def cast_rays(  # type: ignore[no-untyped-def]
                     break
                 t = best
                 if up_to:
-                    i = min(max(np.int64(math.floor(ex + t * dx)), 0), n - 1)
-                    j = min(max(np.int64(math.floor(ey + t * dy)), 0), n - 1)
+                    i = min(max(_onward(i, ex + t * dx, dx), 0), n - 1)
+                    j = min(max(_onward(j, ey + t * dy, dy), 0), n - 1)
                     side = IN_AIR
                 elif best_x <= best_y:
                     i = np.int64(math.floor(ex + t * dx + 0.5)) - (0 if dx > 0.0 else 1)
-                    j = np.int64(math.floor(ey + t * dy))
+                    j = _onward(j, ey + t * dy, dy)
                     side = 0 if dx > 0.0 else 1
                 else:
-                    i = np.int64(math.floor(ex + t * dx))
+                    i = _onward(i, ex + t * dx, dx)
                     j = np.int64(math.floor(ey + t * dy + 0.5)) - (0 if dy > 0.0 else 1)
                     side = 2 if dy > 0.0 else 3
                 if i < 0 or j < 0 or i >= n or j >= n:
@@ -192,7 +206,7 @@ def cast_rays(  # type: ignore[no-untyped-def]
             if hit == 1 and side != IN_AIR and places[j, i, side, 2] > 0:
                 rows = np.int64(places[j, i, side, 2])
                 z = ez + t * dz
-                upper, lower = np.float64(heights[j, i]), low_z
+                upper, lower = np.float64(heights[j, i]), lowest
                 if by_area:
                     x, y = i, j
                     if side == 0:
@@ -205,6 +219,7 @@ def cast_rays(  # type: ignore[no-untyped-def]
                         y += 1
                     if x >= 0 and y >= 0 and x < n and y < n and heights[y, x] == heights[y, x]:
                         lower = np.float64(heights[y, x])
+                    lower = max(lower, np.float64(floors[j, i]))
                 else:
                     upper = highest
                 along = ey + t * dy - j if side < 2 else ex + t * dx - i

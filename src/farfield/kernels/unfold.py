@@ -29,37 +29,39 @@ _RIGHT = np.array([NORTH, SOUTH, WEST, EAST], np.int64)
 
 
 @device
-def drop_of(codes, border, least, i, j, k):  # type: ignore[no-untyped-def]
+def drop_of(codes, floors, border, least, i, j, k):  # type: ignore[no-untyped-def]
     """How many steps of height a side of texel (i, j) goes down; 0: it is no wall."""
     n = codes.shape[0]
     code = types.int64(codes[j, i])
     if code == 0:
         return types.int64(0)
+    base = max(types.int64(floors[j, i]), 1)
     x = i + _OUT_X[k]
     y = j + _OUT_Y[k]
     if x < 0 or y < 0 or x >= n or y >= n:
         along = j if k < SOUTH else i
-        return max(code - 1, 1) if border[k, along] else types.int64(0)
+        return max(code - base, 1) if border[k, along] else types.int64(0)
     other = types.int64(codes[y, x])
-    drop = code - max(other, 1)
+    drop = code - max(other, base)
     if other == 0 and drop < 1:
         drop = types.int64(1)
-    return drop if drop >= least or (other == 0 and code > 1) else types.int64(0)
+    return drop if drop >= least or (other == 0 and code > base) else types.int64(0)
 
 
 @device
-def _is_open(codes, border, least, taken, i, j, k):  # type: ignore[no-untyped-def]
+def _is_open(codes, floors, border, least, taken, i, j, k):  # type: ignore[no-untyped-def]
     n = codes.shape[0]
     if i < 0 or j < 0 or i >= n or j >= n or taken[4 * (n * j + i) + k] != 0:
         return False
-    return drop_of(codes, border, least, i, j, k) > 0
+    return drop_of(codes, floors, border, least, i, j, k) > 0
 
 
-@kernel(types.int64(U8_2, U8_2, types.int64, I32_1, I32_1))
-def trace_walls(codes, border, least, taken, order):  # type: ignore[no-untyped-def]
+@kernel(types.int64(U8_2, U8_2, U8_2, types.int64, I32_1, I32_1))
+def trace_walls(codes, floors, border, least, taken, order):  # type: ignore[no-untyped-def]
     """Lists the sides that are walls, those of a wall in a row; returns how many there are.
 
-    codes: (n, n) heights by row (y) and column (x), 0 = nothing. border: (4, n) which sides on the rim of the map are
+    codes: (n, n) heights by row (y) and column (x), 0 = nothing. floors: (n, n) where bodies end below, 0 = at code 1.
+    border: (4, n) which sides on the rim of the map are
     walls. least: steps of height that a wall has at least. taken: (4 n n,) zeros; 1 where there is a wall afterwards.
     order: (4 n n,) out.
     """
@@ -68,7 +70,7 @@ def trace_walls(codes, border, least, taken, order):  # type: ignore[no-untyped-
     for j in range(n):
         for i in range(n):
             for first in range(4):
-                if not _is_open(codes, border, least, taken, i, j, first):
+                if not _is_open(codes, floors, border, least, taken, i, j, first):
                     continue
                 x, y, k = types.int64(i), types.int64(j), types.int64(first)
                 going = True
@@ -81,11 +83,11 @@ def trace_walls(codes, border, least, taken, order):  # type: ignore[no-untyped-
                     ahead_y = y + _ALONG_Y[k]
                     out_x = ahead_x + _OUT_X[k]
                     out_y = ahead_y + _OUT_Y[k]
-                    if _is_open(codes, border, least, taken, x, y, _LEFT[k]):
+                    if _is_open(codes, floors, border, least, taken, x, y, _LEFT[k]):
                         k = _LEFT[k]
-                    elif _is_open(codes, border, least, taken, ahead_x, ahead_y, k):
+                    elif _is_open(codes, floors, border, least, taken, ahead_x, ahead_y, k):
                         x, y = ahead_x, ahead_y
-                    elif _is_open(codes, border, least, taken, out_x, out_y, _RIGHT[k]):
+                    elif _is_open(codes, floors, border, least, taken, out_x, out_y, _RIGHT[k]):
                         x, y, k = out_x, out_y, _RIGHT[k]
                     else:
                         going = False
@@ -106,21 +108,17 @@ def rows_of(drop, scale, most):  # type: ignore[no-untyped-def]
     return found
 
 
+_COUNT = types.int64
+
+
 @kernel(
     types.int64(
-        U8_2,
-        U8_2,
-        types.int64,
-        I32_1,
-        types.int64,
-        types.int64,
-        types.int64,
-        types.int64,
-        types.int64,
-        types.int32[:, ::1],
+        U8_2, U8_2, U8_2, _COUNT, I32_1, _COUNT, _COUNT, _COUNT, _COUNT, _COUNT, types.int32[:, ::1]
     )
-)
-def place_walls(codes, border, least, order, count, columns, across, sharing, scale, places):  # type: ignore[no-untyped-def]
+)  # fmt: skip
+def place_walls(  # type: ignore[no-untyped-def]
+    codes, floors, border, least, order, count, columns, across, sharing, scale, places
+):
     """Where each side lies in the image of walls: the highest first, row beside row; returns the rows that all take.
 
     order, count: of `trace_walls`. columns: of the image. across: of a side; or, where `sharing` is above 1, one column
@@ -136,7 +134,7 @@ def place_walls(codes, border, least, order, count, columns, across, sharing, sc
             side = types.int64(order[at])
             k = side & 3
             texel = side >> 2
-            drop = drop_of(codes, border, least, texel % n, texel // n, k)
+            drop = drop_of(codes, floors, border, least, texel % n, texel // n, k)
             rows = rows_of(drop, scale, n)
             if rows != ROWS[c]:
                 continue

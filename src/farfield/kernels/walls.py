@@ -82,7 +82,8 @@ def find_walls(surface, places, starts, heights, n, across, texel, nearest, foun
                     ends += 1
                 if ends < 2 or abs(z1 - z0) < _FLAT:
                     continue
-                low_slab = max(np.int64(math.floor(min(p0, p1) / texel[p] - 0.5)), -1)
+                # A wall in the middle of a texel is seen from both: that of an edge of the slabs belongs to either.
+                low_slab = max(np.int64(math.ceil(min(p0, p1) / texel[p] - 0.5)) - 1, -1)
                 high_slab = min(np.int64(math.floor(max(p0, p1) / texel[p] - 0.5)), n - 1)
                 for slab in range(low_slab, high_slab + 1):
                     for sense in range(2):

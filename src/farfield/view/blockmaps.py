@@ -56,6 +56,8 @@ class CastableMap:
     extent: NDArray[np.float64]
     """(3,) metres of the cell."""
     heights: NDArray[np.float32]
+    floors: NDArray[np.float32]
+    """(n, n) metres from the cell's lower corner down to which what stands in a texel goes."""
     slopes: NDArray[np.float32]
     distances: NDArray[np.uint8]
     thresholds: NDArray[np.float32]
@@ -80,7 +82,7 @@ class CastableMap:
             leaps(tops, threshold, distances[k])
         slopes = np.ascontiguousarray(np.concatenate([across, rise], axis=-1))
         extent, span = np.asarray(extent, np.float64), _span(blockmap.low, float(tops.max()), float(texel[0]))
-        return cls(blockmap, extent, heights, slopes, distances, thresholds, blockmap.azimuths, span)
+        return cls(blockmap, extent, heights, _floors(blockmap), slopes, distances, thresholds, blockmap.azimuths, span)
 
 
 class BlockMapPass:
@@ -128,6 +130,13 @@ class BlockMapPass:
             raise CorruptTileError("BlockMap is missing", key, "run farfield verify") from None
         self.bytes += len(data)
         return data
+
+
+def _floors(blockmap: BlockMap) -> NDArray[np.float32]:
+    """(n, n) metres; what goes down to the lowest code goes down for ever: no ray slips through below it."""
+    if blockmap.floors is None:
+        return np.full(blockmap.codes.shape, -np.inf, np.float32)
+    return np.where(blockmap.floors > 1, blockmap.undersides, np.float32(-np.inf)).astype(np.float32)
 
 
 def _span(low: float, highest: float, texel: float) -> tuple[float, float]:
@@ -179,10 +188,11 @@ def draw_blockmap(
     own = blockmap.unfolded
     drawn = int(
         cast_rays(
-            castable.heights, castable.slopes, castable.distances, castable.thresholds, own.places, castable.azimuths,
-            blockmap.colors, ids, np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
+            castable.heights, castable.floors, castable.slopes, castable.distances, castable.thresholds,
+            own.places, castable.azimuths, blockmap.colors, ids,
+            np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
             light.sun.astype(np.float32), x0, y0, own.across, blockmap.by_area,
-            blockmap.low + 254 * blockmap.step, depth, surface, normal, objects,
+            blockmap.low, blockmap.low + 254 * blockmap.step, depth, surface, normal, objects,
         )
     )  # fmt: skip
     if drawn:

@@ -126,7 +126,7 @@ class SoundTree:
     def cut(self, camera: Camera, size: tuple[int, int], options: RenderOptions) -> Cut:
         """The cells that a picture shows, inside the frustum or not."""
         radius = picture_radius(self.world, camera, size)
-        near = radius if options.near_radius is None else options.near_radius
+        near = radius * self.world.manifest.near_share if options.near_radius is None else options.near_radius
         shown = cut(self, self.world.grid, np.array(camera.eye), radius / 2**options.bias, near)
         shown.pictures.extend(self.broken)
         return shown

@@ -30,6 +30,8 @@ from farfield.world.reach import (
 _CELL = r"(-?\d+/-?\d+/-?\d+/-?\d+)"
 _OF_CELL = re.compile(rf"(orthoview|objects|geometry|blockmap|index)/{_CELL}(?:/\d+/\d+|/blockmap)?(?:-([0-9a-f]+))?")
 _RECORD = re.compile(rf"record/{_CELL}")
+_NOTED = "orthoview", "geometry", "blockmap"
+"""Kinds of values of which a bake's note about a cell tells the hash."""
 _SHARED = re.compile(r"(mesh|texture|attributes|record/chunk)/([0-9a-f]+)")
 
 
@@ -90,10 +92,11 @@ class _Pictures(msgspec.Struct):
     key: str = ""
     hash: str = ""
     output: str = ""
-    geometry: _Geometry | None = None
+    geometry: _Hashed | None = None
+    blockmap: _Hashed | None = None
 
 
-class _Geometry(msgspec.Struct):
+class _Hashed(msgspec.Struct):
     hash: str = ""
 
 
@@ -114,13 +117,15 @@ def _is_true_record(store: Store, key: str, living: _Living) -> bool:
     cell = key.removeprefix("record/")
     if not entry.output:  # Nothing lies in the cell.
         return cell not in living.named["orthoview"]
-    geometry = entry.geometry.hash if entry.geometry else None
-    return living.named["orthoview"].get(cell) == entry.hash and living.named["geometry"].get(cell) == geometry
+    noted = {"orthoview": entry.hash}
+    noted |= {"geometry": entry.geometry.hash} if entry.geometry else {}
+    noted |= {"blockmap": entry.blockmap.hash} if entry.blockmap else {}
+    return {kind: own[cell] for kind, own in living.named.items() if cell in own and kind in _NOTED} == noted
 
 
 def _living(store: Store, progress: Progress) -> _Living:
     manifest = read_manifest(store)
-    living = _Living({kind: {} for kind in ("orthoview", "objects", "geometry", "index")})
+    living = _Living({kind: {} for kind in (*_NOTED, "objects", "index")})
     living.shared |= named_chunks(store)
     if manifest.attributes:
         living.shared.add(keys.attributes_key(manifest.attributes))
@@ -136,6 +141,8 @@ def _living(store: Store, progress: Progress) -> _Living:
         for entry in entries:
             living.named["orthoview"][entry.key] = living.named["objects"][entry.key] = entry.hash
             living.shared.update(keys.texture_key(name) for name in images_of(entry))
+            if entry.blockmap:
+                living.named["blockmap"][entry.key] = entry.blockmap.hash
             living.shared.update(key for key, _ in blockmap_keys(entry))
             living.shared.update(blockmap_object_keys(entry))
             if entry.geometry:

@@ -83,6 +83,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     depth_layers: Annotated[int, Meta(ge=1, le=2)] = 2
     index_depth: Annotated[int, Meta(ge=2, le=16)] = 4
     """Levels of cells in one index tile; the lowest of them is the highest of the next tile, so one would not do."""
+    near: Annotated[float, Meta(gt=0, le=1)] | msgspec.UnsetType = msgspec.UNSET
+    """Leaves nearer than this times r are geometry, unless the viewer is told otherwise; UNSET, and not written: 1."""
     roots: Annotated[tuple[RootRecord, ...], Meta(max_length=8)] = ()
     credits: tuple[str, ...] = ()
     statistics: Statistics = msgspec.field(default_factory=Statistics)
@@ -91,6 +93,11 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """Camera to begin with; None: the viewer frames the bounds."""
     servers: ServersRecord | msgspec.UnsetType = msgspec.UNSET
     """Over which servers the world is split; UNSET, and not written: everything is where the manifest is."""
+
+    @property
+    def near_share(self) -> float:
+        """Of r, within which leaves are geometry."""
+        return 1.0 if self.near is msgspec.UNSET else self.near
 
     @property
     def octree(self) -> Grid:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from farfield.errors import CorruptTileError, MissingKeyError, StoreError
 from farfield.progress import NoProgress, Progress
-from farfield.represent.blockmap.coding import decode_objects
+from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
 from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import decode_tile
 from farfield.store.contract import Store
@@ -144,8 +144,9 @@ def _read_index(world: World) -> tuple[_Report, list[CellEntry]]:
 
 def _check_cell(store: Store, entry: CellEntry) -> _Report:
     parts = [_check_tiles(store, entry)] if entry.tiles else []
-    parts += [_check_hashed(store, key, size) for key, size in (*geometry_keys(entry), *blockmap_keys(entry))]
-    parts += [_check_blockmap_objects(store, key) for key in blockmap_object_keys(entry)]
+    parts += [_check_hashed(store, key, size) for key, size in geometry_keys(entry)]
+    keyed = zip(blockmap_keys(entry), blockmap_object_keys(entry), strict=True)
+    parts += [_check_blockmap(store, *of_map, of_ids) for of_map, of_ids in keyed]
     return _sum(parts)
 
 
@@ -181,16 +182,24 @@ def _tile_faults(store: Store, tiles: Iterable[str], objects: Iterable[str]) -> 
             yield Fault(objects_key, error.what)
 
 
-def _check_blockmap_objects(store: Store, key: str) -> _Report:
-    """The object ids of a BlockMap, which may be missing; they have a checksum of their own."""
+def _check_blockmap(store: Store, key: str, length: int, ids_key: str) -> _Report:
+    """A BlockMap and its object ids, which together make its hash."""
     try:
         data = store.get(key)
-        decode_objects(data, key)
-    except MissingKeyError:
-        return _Report()
-    except (CorruptTileError, StoreError) as error:
+        ids = [store.get(ids_key)] if store.exists(ids_key) else []
+    except StoreError as error:
         return _Report(1, 0, (Fault(key, error.what),))
-    return _Report(1, len(data))
+    found = _Report(1 + len(ids), len(data) + sum(map(len, ids)))
+    if keys.content_hash(data, *ids) == key[-16:] and len(data) == length:
+        return found
+    faults = []
+    for one, value, decode in ((key, data, decode_blockmap), *((ids_key, value, decode_objects) for value in ids)):
+        try:
+            decode(value, one)
+        except CorruptTileError as error:
+            faults.append(Fault(one, error.what))
+    what = "is whole, but it and its object ids are not those with that hash"
+    return found._replace(faults=tuple(faults) or (Fault(key, what),))
 
 
 def _check_hashed(store: Store, key: str, length: int | None = None) -> _Report:

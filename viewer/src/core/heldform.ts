@@ -1,16 +1,19 @@
-import type { Cell } from "./cell.js";
+import { isHeld as isFormHeld, type Cell, type CellGeometry } from "./cell.js";
 import { accuracyOf, errorAt, finestAfar, formsOf, isKnownBelow, isWithinReach, meshesBelow, ownForms, pixelWidth, type CellForm } from "./cellforms.js";
 import { bestShown, heldBoards, sightOf, type HeldBoards } from "./impostors.js";
 import { MESH_FARTHEST } from "./indextile.js";
 import { heldMesh, type Instance, type MeshForm, type PlacedMesh } from "./instances.js";
 import type { Direction } from "./manifest.js";
 import type { Resource } from "./resource.js";
-import { lossFrom, pictureAccuracy } from "./stream/accuracy.js";
+import { lossFrom, pictureAccuracy, toldBy } from "./stream/accuracy.js";
 import { distanceTo, type Vector3 } from "./vector.js";
 import { sharesOf, tilesWanted, type ViewChoice } from "./views.js";
 
 /** Accuracy that instances are taken to have above what is told of their meshes, which is for a view from nearer and has half as much on top. */
 export const MORE = 0.25;
+
+/** Error up to which a form looks like the full geometry: what adds less is not fetched by its benefit either. */
+const ENOUGH = 0.02;
 
 interface Best {
   readonly form: CellForm;
@@ -69,6 +72,18 @@ export function heldFormAbove(cell: Cell, view: FarView, directions: ReadonlyMap
 function arePicturesHeld(cell: Cell, { eye, choice }: FarView, directions: ReadonlyMap<number, Direction>): boolean {
   const areHeld = (tiles: readonly Resource[]): boolean => tiles.length > 0 && tiles.every(({ held }) => held);
   return (cell.wasWhole && areHeld(cell.shown)) || areHeld(tilesWanted(cell, directions, eye, choice));
+}
+
+/**
+ * The form that a near leaf is wanted in: the coarsest that looks like the full one from there, or a finer one that is held already. Of a
+ * city from a height, most of what is near shows nothing of its largest images.
+ */
+export function nearForm({ bounds, forms }: Cell, { eye, focal, grid }: FarView): CellGeometry | null {
+  const pitch = grid.leafSize / grid.resolution;
+  const width = pixelWidth(bounds, distanceTo(bounds, eye), focal);
+  const isEnough = ({ entry: { errors } }: CellGeometry): boolean => !errors?.length || errorAt({ told: toldBy(errors) }, pitch, width) <= ENOUGH;
+  const last = forms.findLastIndex(isEnough);
+  return forms.slice(0, last).find(isFormHeld) ?? forms[last] ?? null;
 }
 
 /** How much of what a cell's pictures show is held. */

@@ -35,6 +35,8 @@ export interface Manifest {
   readonly directions: ReadonlyMap<number, Direction>;
   readonly depthLayers: number;
   readonly indexDepth: number;
+  /** Leaves nearer than this times r are geometry, unless one is told otherwise. */
+  readonly near: number;
   readonly roots: readonly { readonly key: CellKey; readonly hash: string }[];
   readonly credits: readonly string[];
   readonly view: View | null;
@@ -81,13 +83,14 @@ export function decodeManifest(text: string, where: string): Manifest {
 function read(head: Json, text: string, where: string): Manifest {
   const grid = readGrid(object(head["grid"], "grid"));
   const bounds = boxOf(head["bounds"]);
-  const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1 } = head;
+  const { index_depth: indexDepth = 4, depth_layers: depthLayers = 2, generation = 1, near = 1 } = head;
   if (!bounds) throw new Error("bounds");
   if (!isCount(indexDepth, 16) || indexDepth < 2) throw new Error("index_depth");
   if (depthLayers !== 1 && depthLayers !== 2) throw new Error("depth_layers");
   if (!isCount(generation)) throw new Error("generation");
   const { attributes = null } = head;
   if (attributes !== null && !isHash(attributes)) throw new Error("attributes");
+  if (typeof near !== "number" || !(near > 0 && near <= 1)) throw new Error("near");
   return {
     text,
     generation,
@@ -99,6 +102,7 @@ function read(head: Json, text: string, where: string): Manifest {
     directions: new Map(list(head["directions"], "directions").map(readDirection).map((d) => [d.number, d])),
     depthLayers,
     indexDepth,
+    near,
     roots: readRoots(list(head["roots"] ?? [], "roots"), grid),
     credits: list(head["credits"] ?? [], "credits").map(String),
     view: head["view"] == null ? null : readView(object(head["view"], "view")),

@@ -1,7 +1,7 @@
 import { isHeld, type Cell } from "./cell.js";
 import { comingForms, meshesBelow } from "./cellforms.js";
 import { seesBox, type Frustum } from "./frustum.js";
-import { heldForm, heldFormAbove } from "./heldform.js";
+import { heldForm, heldFormAbove, nearForm } from "./heldform.js";
 import { comingBoards } from "./impostors.js";
 import { comingMeshes } from "./instances.js";
 import type { Manifest } from "./manifest.js";
@@ -84,7 +84,7 @@ export function listWants(
     }
   };
   const addGeometry = (cell: Cell, urgency: number): void => {
-    const near = cell.geometry;
+    const near = nearForm(cell, view);
     const parts = near ? [near.leaf, ...near.meshes] : [];
     const absent = parts.reduce((sum, { held, bytes }) => sum + (held ? 0 : bytes), 0);
     const isLarge = urgency === URGENCY.seen && absent > DETAIL_BYTES;

@@ -7,7 +7,7 @@ const PAGE_BYTES = 6 << 20;
 const MOST_LAYERS = 256;
 
 /**
- * Textures of BlockMaps of one size, a layer each: of n rows, side by side the tops, the slopes, the four sides one after the other (n
+ * Textures of BlockMaps of one size, a layer each: of n rows, side by side the tops, the slopes with floors, the four sides one after the other (n
  * columns each), and the colours (n + m). Only layers that change are uploaded; their copy here outlives a lost context.
  */
 export class BlockMapPage {
@@ -50,11 +50,11 @@ export class BlockMapPage {
   }
 
   /** Takes a map; returns its layer. */
-  put({ tops, slopes, sides, colors }: DecodedBlockMap): number {
+  put({ tops, slopes, floors, sides, colors }: DecodedBlockMap): number {
     const layer = this.free.pop()!;
     const { n, m } = this;
     this.write(layer, 0, n, tops);
-    if (slopes) this.write(layer, n, n, inPairs(slopes));
+    if (slopes || floors) this.write(layer, n, n, together(slopes, floors, n * n));
     for (let side = 0; side < 4; side++) this.write(layer, (2 + side) * n, n, sides.subarray(4 * side * n * n, 4 * (side + 1) * n * n));
     this.write(layer, 6 * n, n + m, colors);
     this.texture.addLayerUpdate(layer);
@@ -84,12 +84,13 @@ function layersOf(n: number, m: number): number {
   return Math.min(MOST_LAYERS, Math.floor(PAGE_BYTES / (4 * n * (7 * n + m))));
 }
 
-/** Two bytes a texel as the first two of four. */
-function inPairs(slopes: Int8Array): Uint8Array {
-  const texels = new Uint8Array(2 * slopes.length);
-  for (let at = 0; at < slopes.length; at += 2) {
-    texels[2 * at] = slopes[at]!;
-    texels[2 * at + 1] = slopes[at + 1]!;
+/** Rise along x and y and the floor of each texel as the first three of four bytes. */
+function together(slopes: Int8Array | null, floors: Uint8Array | null, count: number): Uint8Array {
+  const texels = new Uint8Array(4 * count);
+  for (let at = 0; at < count; at++) {
+    texels[4 * at] = slopes?.[2 * at] ?? 0;
+    texels[4 * at + 1] = slopes?.[2 * at + 1] ?? 0;
+    texels[4 * at + 2] = floors?.[at] ?? 0;
   }
   return texels;
 }

@@ -33,7 +33,7 @@ export interface BlockMapDraw {
 interface Held extends BlockMapHandle {
   readonly page: BlockMapPage;
   readonly layer: number;
-  readonly map: Pick<DecodedBlockMap, "n" | "low" | "step" | "across" | "byArea" | "thresholds" | "highest"> & { readonly sloped: boolean };
+  readonly map: Pick<DecodedBlockMap, "n" | "low" | "step" | "across" | "byArea" | "thresholds" | "highest"> & { readonly sloped: boolean; readonly floored: boolean };
 }
 
 /** Draws BlockMaps by casting rays (spec/drawing.md, BlockMaps): those that are drawn whole in one call a page, others in one each. */
@@ -66,10 +66,10 @@ export class BlockMaps {
 
   /** Takes a map to the graphics card, with the next picture. */
   upload(decoded: DecodedBlockMap): BlockMapHandle {
-    const { n, m, low, step, across, byArea, thresholds, highest, slopes } = decoded;
+    const { n, m, low, step, across, byArea, thresholds, highest, slopes, floors } = decoded;
     const page = this.pageFor(n, m);
     const layer = page.put(decoded);
-    const held: Held = { bytes: page.layerBytes, page, layer, map: { n, low, step, across, byArea, thresholds, highest, sloped: slopes !== null } };
+    const held: Held = { bytes: page.layerBytes, page, layer, map: { n, low, step, across, byArea, thresholds, highest, sloped: slopes !== null, floored: floors !== null } };
     return held;
   }
 
@@ -146,7 +146,7 @@ export class BlockMaps {
       x, y, z, layer,
       width, depth, map.step, map.highest - map.low,
       ...map.thresholds.map((height) => height - map.low), behind ? this.grid.pitch(cell.level) : 0,
-      map.across, Number(map.byArea), Number(map.sloped), 0,
+      map.across, Number(map.byArea), Number(map.sloped), Number(map.floored),
     ]);
   }
 

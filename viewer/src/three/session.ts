@@ -463,7 +463,7 @@ export class Session {
 
   private viewOf(viewpoint: Viewpoint, width: number): PlanView {
     const { bias, nearRadius, farOnly, farGeometry, benefit, views, leastGain, layers } = this.parts.options();
-    const { grid } = this.index.manifest;
+    const { grid, near } = this.index.manifest;
     const { leafSize, resolution } = grid;
     const radius = (leafSize * width) / (2 * resolution * viewpoint.tangent);
     return {
@@ -471,7 +471,7 @@ export class Session {
       frustum: viewpoint.frustum,
       radius: radius / 2 ** (bias + this.coarsening.levels),
       // What is left out of a picture of the far field does not depend on the budget.
-      near: (nearRadius ?? radius) / (farOnly ? 1 : 2 ** this.coarsening.levels),
+      near: (nearRadius ?? near * radius) / (farOnly ? 1 : 2 ** this.coarsening.levels),
       farOnly,
       focal: viewpoint.focal * (width / viewpoint.width),
       grid,

@@ -80,11 +80,14 @@ class BlockMap:
     TURNS-ths of a turn, counter-clockwise seen from above."""
     objects: NDArray[np.uint32] | None = None
     """(n, n) object ids of the tops; None: not known."""
+    floors: NDArray[np.uint8] | None = None
+    """(n, n) code of where what stands in a texel ends below; 0, 1: nowhere. None: nowhere, as far as is seen."""
 
     @cached_property
     def unfolded(self) -> Unfolded:
         """Where walls are in the image of walls."""
-        return unfolded(self.codes, self.border, self.least, self.size.columns, self.density, self.scale, self.by_area)
+        walls = self.size.columns, self.density, self.scale, self.by_area
+        return unfolded(self.codes, self.floors, self.border, self.least, *walls)
 
     @property
     def azimuths(self) -> NDArray[np.float32]:
@@ -107,13 +110,24 @@ class BlockMap:
         metres = self.low + (self.codes.astype(np.float32) - 1) * np.float32(self.step)
         return np.where(self.codes > 0, metres, np.nan).astype(np.float32)
 
+    @property
+    def undersides(self) -> NDArray[np.float32]:
+        """(n, n) metres from the cell's lower corner down to which what stands in a texel goes."""
+        floors = np.ones_like(self.codes) if self.floors is None else np.maximum(self.floors, 1)
+        return (self.low + (floors.astype(np.float32) - 1) * np.float32(self.step)).astype(np.float32)
+
     def geometric_error(self, width: float, depth: float) -> float:
         """Half of a voxel's diagonal, metres: no point of it is farther from what it was built from (BLK 3.3).
 
+        A voxel is a texel wide and a step high, or, where tops slope, as high as they rise from corner to corner: a
+        plane goes on beyond a ridge or eaves to the end of its texel.
         width, depth: of the square, metres.
         """
         n = self.size.side
-        return float(np.sqrt((width / n) ** 2 + (depth / n) ** 2 + self.step**2) / 2)
+        texel, rise = np.array([width, depth]) / n, 0.0
+        if self.slopes is not None:
+            rise = float((np.abs(self.slopes.astype(np.float64)) / STEEP @ texel).max())
+        return float(np.sqrt((texel**2).sum() + (self.step + rise) ** 2) / 2)
 
 
 def turns_of(own: Unfolded, normals: NDArray[np.float32]) -> NDArray[np.uint8]:

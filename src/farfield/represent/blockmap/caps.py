@@ -10,6 +10,8 @@ from farfield.represent.chunk import Chunk
 
 _CLOSE = 2.0**-12
 """Of the cell's height, from its upper side: what is nearer is cut by it."""
+_RIM = 2.0**-10
+"""Of a cell of the grid."""
 NO_OBJECT = 0xFFFFFFFF
 """In place of an object id of 0."""
 
@@ -28,16 +30,38 @@ def inside_at_top(
     if not len(walls):
         return inside
     lines = np.zeros(size, np.int64)
-    fill_inside(np.concatenate([walls[:, :4], walls[:, 4:5]], axis=1), objects, size, False, inside, lines)
+    bodies, goes_on = _bodies_of(walls, objects, size)
+    along = np.concatenate([walls[:, :4], walls[:, 4:5]], axis=1)
+    fill_inside(along, objects, bodies, goes_on, size, False, inside, lines)
     # Lines that meet no wall may lie inside all along: those across tell.
     unknown = np.flatnonzero(lines == 0)
     if len(unknown):
         other = np.zeros_like(inside)
-        fill_inside(
-            np.concatenate([walls[:, :4], walls[:, 5:6]], axis=1), objects, size, True, other, np.zeros(size, np.int64)
-        )
+        across = np.concatenate([walls[:, :4], walls[:, 5:6]], axis=1)
+        fill_inside(across, objects, bodies, goes_on, size, True, other, np.zeros(size, np.int64))
         inside[unknown] = other[unknown]
     return inside
+
+
+def _bodies_of(
+    walls: NDArray[np.float64], objects: NDArray[np.uint32], size: int
+) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+    """(k,) of which body each wall is, and whether that goes on beyond the grid.
+
+    An object is one where its walls close, or end on the rim. All others are one together: of some houses each wall is
+    an object, and a sign that has but one is none at all.
+    """
+    _, body = np.unique(objects, return_inverse=True)
+    ends, normals = walls[:, :4], walls[:, 4:6]
+    vectors = ends[:, 2:] - ends[:, :2]
+    # Along each wall with the inside on the left.
+    sense = np.sign(vectors[:, 1] * normals[:, 0] - vectors[:, 0] * normals[:, 1])
+    gap = np.stack([np.bincount(body, sense * vectors[:, axis]) for axis in range(2)], axis=1)
+    on_rim = ((ends < _RIM) | (ends > size - _RIM)).any(axis=1)
+    goes_on = np.bincount(body, on_rim) > 0
+    is_body = goes_on | (np.abs(gap).max(axis=1) < 1 / 2)
+    bodies = np.where(is_body[body], body + 1, 0).astype(np.uint32)
+    return bodies, (goes_on & (np.abs(gap).max(axis=1) >= _RIM))[body].astype(np.uint8)
 
 
 def _cut_walls(

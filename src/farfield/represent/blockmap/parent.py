@@ -18,7 +18,16 @@ from farfield.geometry.color import LINEAR_OF_BYTE
 from farfield.kernels.fill import fill_invalid
 from farfield.kernels.regather import gather_walls
 from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, turns_of
-from farfield.represent.blockmap.build import Square, ends_of, fitted_to, least_drop, quantised, to_bytes
+from farfield.represent.blockmap.build import (
+    CODES,
+    Square,
+    ends_of,
+    fitted_to,
+    hanging,
+    least_drop,
+    quantised,
+    to_bytes,
+)
 
 _Number = TypeVar("_Number", np.float32, np.uint32)
 
@@ -50,6 +59,9 @@ def build_parent(children: Sequence[ChildMap], square: Square, merges: tuple[int
         size, low, step, codes, slopes, fine.rim(merges), least_drop(texel, step), 0, 0, children[0].blockmap.by_area,
         np.empty((0, 0, 3), np.uint8), np.empty(0, np.uint8), tops.objects,
     )  # fmt: skip
+    under = np.clip(np.round((tops.floor - low) / step), 0, CODES - 1)
+    floors = np.where(codes > 0, np.nan_to_num(under) + 1, 0).astype(np.uint8)
+    frame = replace(frame, floors=hanging(codes, frame.border, floors))
     fitted = fitted_to(frame, float(texel.mean()), FINEST_ABOVE)
     return fine.painted(fitted, tops.color, merges)
 
@@ -60,6 +72,7 @@ class _Tops:
     color: NDArray[np.uint8]
     slopes: NDArray[np.int8]
     objects: NDArray[np.uint32] | None
+    floor: NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +90,8 @@ class _Fine:
     """(h, w, 2)"""
     objects: NDArray[np.uint32] | None
     """(h, w)"""
+    floor: NDArray[np.float32]
+    """(h, w) metres down to which what stands there goes."""
 
     @classmethod
     def of(cls, children: Sequence[ChildMap], merges: tuple[int, int, int]) -> _Fine:
@@ -86,20 +101,24 @@ class _Fine:
         height = np.full((deep * n, across * n), np.nan, np.float32)
         color, slopes = np.zeros((*height.shape, 3), np.float32), np.zeros((*height.shape, 2), np.float32)
         named = all(child.blockmap.objects is not None for child in children)
-        objects = np.zeros(height.shape, np.uint32)
+        objects, floor = np.zeros(height.shape, np.uint32), np.full(height.shape, np.nan, np.float32)
         for number, child in sorted(enumerate(children), key=lambda one: one[1].place[2]):
             x, y, z = child.place
             source[z, y, x] = number
             part = slice(y * n, y * n + n), slice(x * n, x * n + n)
             own = child.blockmap
             there = own.codes > 0
+            under = own.undersides + np.float32(child.rise)
+            # What goes on above a cell stands on what is below it.
+            on_it = height[part] >= under - np.float32(own.step)
+            floor[part] = np.where(there & ~on_it, under, floor[part])
             height[part] = np.where(there, own.heights + np.float32(child.rise), height[part])
             color[part] = np.where(there[..., None], LINEAR_OF_BYTE[own.colors[:, :n]], color[part])
             rise = np.zeros((n, n, 2), np.float32) if own.slopes is None else own.slopes / np.float32(STEEP)
             slopes[part] = np.where(there[..., None], rise, slopes[part])
             if own.objects is not None:
                 objects[part] = np.where(there, own.objects, objects[part])
-        return cls(tuple(children), source, height, color, slopes, objects if named else None)
+        return cls(tuple(children), source, height, color, slopes, objects if named else None, floor)
 
     def thinned(self, merges: tuple[int, int, int]) -> _Tops:
         """One texel for each block."""
@@ -112,7 +131,9 @@ class _Fine:
         others = np.argmax(there, axis=2)
         is_there = np.take_along_axis(there, chosen[..., None], 2)[..., 0]
         most = there.sum(axis=2) * 2 >= wide * deep
-        chosen = np.where(is_there | ~most, chosen, others)
+        # What is thin stays, where it is all that there is.
+        alone = not (is_there | most).any()
+        chosen = np.where(is_there | ~(most | alone), chosen, others)
         picked = np.take_along_axis(height, chosen[..., None], 2)[..., 0]
         spread = np.nan_to_num(np.nanmax(_or_zero(height), axis=2) - np.nanmin(_or_zero(height), axis=2))
         alike = there & (np.abs(height - picked[..., None]) <= spread[..., None] / 2 + 1e-3)
@@ -120,6 +141,7 @@ class _Fine:
         known = np.isfinite(picked)
         mean = (color * weight).sum(axis=2)
         steps = np.round((slopes * weight).sum(axis=2) * STEEP)
+        floor = np.take_along_axis(_blocks(self.floor, rows, columns), chosen[..., None], 2)[..., 0]
         named = None
         if self.objects is not None:
             named = np.take_along_axis(_blocks(self.objects, rows, columns), chosen[..., None], 2)[..., 0]
@@ -130,6 +152,7 @@ class _Fine:
             fill_invalid(to_bytes(mean), known),
             np.where(steep, 0, steps).astype(np.int8),
             named,
+            floor,
         )
 
     def rim(self, merges: tuple[int, int, int]) -> NDArray[np.uint8]:

@@ -42,6 +42,7 @@ class Unfolded:
 
 def unfolded(
     codes: NDArray[np.uint8],
+    floors: NDArray[np.uint8] | None,
     border: NDArray[np.uint8],
     least: int,
     columns: int,
@@ -52,12 +53,13 @@ def unfolded(
     """Where walls are in an image of `columns` columns; see BlockMap. It may take more rows than the image has."""
     n = codes.shape[0]
     taken, order = np.zeros(4 * n * n, np.int32), np.zeros(4 * n * n, np.int32)
-    count = trace_walls(codes, border, least, taken, order)
+    under = np.zeros_like(codes) if floors is None else floors
+    count = trace_walls(codes, under, border, least, taken, order)
     sides = order[:count]
     places, normal = np.zeros((4 * n * n, 3), np.int32), np.full(4 * n * n, -1, np.int32)
     if by_area:
         across, sharing = DENSITIES[density]
-        rows = place_walls(codes, border, least, order, count, columns, across, sharing, scale, places)
+        rows = place_walls(codes, under, border, least, order, count, columns, across, sharing, scale, places)
         normal[sides] = np.arange(count, dtype=np.int32)
     else:
         across, rows = 1, n

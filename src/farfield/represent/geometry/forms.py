@@ -40,11 +40,11 @@ class Form:
     """How unlike its images look when they are halved 0, 1, 2 … times, mean by area (likeness.blur_errors)."""
 
 
-def forms_of(chunk: Chunk, materials: MaterialTable) -> tuple[Form, ...]:
-    """The mesh itself, then its levels."""
+def forms_of(chunk: Chunk, materials: MaterialTable, simplified: bool = True) -> tuple[Form, ...]:
+    """The mesh itself, then its levels. simplified: whether it has any, which take a second to make."""
     extent = float(np.ptp(chunk.bounds, axis=0).max())
     texel, blur = _images_of(chunk, materials.arrays)
-    dense = len(chunk.triangles) >= FEWEST_PER_OBJECT * len(np.unique(chunk.objects))
+    dense = simplified and len(chunk.triangles) >= FEWEST_PER_OBJECT * len(np.unique(chunk.objects))
     levels = levels_of(chunk, materials) if dense else []
     each = ((level.chunk, level.errors, level.geometric_error) for level in levels)
     return tuple(Form(*one, extent, texel, blur) for one in ((chunk, (), 0.0), *each))
@@ -107,8 +107,9 @@ def _blur(materials: Materials, image: int) -> tuple[float, ...]:
         rows, columns = max(1, height >> level), max(1, width >> level)
         mips.append(materials.pixels[at : at + rows * columns].reshape(rows, columns, 4))
         at += rows * columns
-    # An image and its shape tell its smaller sizes.
-    key = blake2b(mips[0].tobytes(), digest_size=16, salt=mips[0].shape[1].to_bytes(16, "little")).digest()
+    # Told by what it looks like at half its size: a city's leaves ask for the same seven images again and again.
+    small = mips[min(1, len(mips) - 1)].tobytes()
+    key = blake2b(small, digest_size=16, salt=repr(mips[0].shape[:2]).encode()[:16]).digest()
     if key not in _BLUR:
         while len(_BLUR) >= _REMEMBERED:
             del _BLUR[next(iter(_BLUR))]

@@ -35,6 +35,8 @@ export interface DecodedBlockMap {
   readonly tops: Uint8Array;
   /** (n, n, 2) rise along x and y, STEEP-ths; null: all tops are flat. */
   readonly slopes: Int8Array | null;
+  /** (n, n) code of where what stands in a texel ends below, 0 or 1 = nowhere; null: nowhere in all. */
+  readonly floors: Uint8Array | null;
   /** (4, n, n, 4) of each side first column, first row and rows in the image of walls, and TURNS-ths of its normal counter-clockwise from x; 0 rows: no wall. */
   readonly sides: Uint8Array;
   /** (n, n + m, 4) sRGB: tops, then the image of walls. */
@@ -53,11 +55,12 @@ export async function decodeBlockMap(
   const header = readBlockMap(bytes, where);
   const { n, m, low, step, byArea } = header;
   checkWebp(header.colors, n + m, n, where);
-  const heights = inflate(header.heights, n * n + n / 2, where);
+  const heights = inflate(header.heights, n * n + n / 2 + (header.floored ? n * n : 0), where);
   const codes = heights.subarray(0, n * n);
   if (codes.every((code) => code === 0)) throw corrupt("BlockMap of nothing", where);
   const slopes = header.slopes && interleaved(inflate(header.slopes, 2 * n * n, where));
-  const own = unfolded(codes, heights.subarray(n * n), header);
+  const floors = header.floored ? heights.slice(n * n + n / 2) : null;
+  const own = unfolded(codes, floors, heights.subarray(n * n, n * n + n / 2), header);
   if (own.rows > n) throw corrupt("BlockMap has more walls than its image", where);
   const turns = inflate(header.turns, own.sides.length, where);
   const tops = topsOf(codes, slopes, low, step, [extent[0] / n, extent[1] / n], STEEP);
@@ -65,7 +68,7 @@ export async function decodeBlockMap(
   const highest = tops.reduce((most, top) => Math.max(most, top));
   const colors = await decodeColor(header.colors, n + m, n, where);
   return {
-    n, m, low, step, byArea, thresholds, highest, slopes, colors,
+    n, m, low, step, byArea, thresholds, highest, slopes, floors, colors,
     across: own.across,
     tops: withDistances(codes, tops, n, thresholds),
     sides: sidesOf(own, turns, n),
@@ -73,8 +76,8 @@ export async function decodeBlockMap(
 }
 
 /** The buffers that hold it. */
-export function buffersOfBlockMap({ tops, slopes, sides, colors }: DecodedBlockMap): ArrayBuffer[] {
-  return [tops, ...(slopes ? [slopes] : []), sides, colors].map(({ buffer }) => buffer as ArrayBuffer);
+export function buffersOfBlockMap({ tops, slopes, floors, sides, colors }: DecodedBlockMap): ArrayBuffer[] {
+  return [tops, ...(slopes ? [slopes] : []), ...(floors ? [floors] : []), sides, colors].map(({ buffer }) => buffer as ArrayBuffer);
 }
 
 /** From all rises along x, then all along y. */

@@ -5,7 +5,7 @@ const HEADER_BYTES = 40;
 const CRC_AT = 36;
 const MAGIC = 0x4d424646; // "FFBM"
 const VERSION = 1;
-const [BY_AREA, SLOPED] = [1, 2];
+const [BY_AREA, SLOPED, FLOORED] = [1, 2, 4];
 /** Columns of the image of walls, by texels a side. */
 export const COLUMNS: ReadonlyMap<number, number> = new Map([[16, 64], [32, 192], [64, 256]]);
 const DENSITIES = 8;
@@ -19,6 +19,8 @@ export interface BlockMapHeader {
   readonly m: number;
   /** Walls have texels by their area; else a column for each texel. */
   readonly byArea: boolean;
+  /** What stands in texels may end above the lowest code. */
+  readonly floored: boolean;
   readonly density: number;
   /** Steps of height that a wall has at least. */
   readonly least: number;
@@ -49,6 +51,7 @@ export function readBlockMap(bytes: Uint8Array, where: string): BlockMapHeader {
     n: view.getUint8(6),
     m: view.getUint16(8, true),
     byArea: (flags & BY_AREA) !== 0,
+    floored: (flags & FLOORED) !== 0,
     density: view.getUint8(10),
     least: view.getUint8(11),
     scale: view.getUint16(12, true),
@@ -56,7 +59,7 @@ export function readBlockMap(bytes: Uint8Array, where: string): BlockMapHeader {
     step: view.getFloat32(20, true),
   };
   const { n, m, density, least, scale, low, step } = header;
-  const sane = COLUMNS.get(n) === m && flags <= (BY_AREA | SLOPED) && density < DENSITIES && least > 0 && scale > 0;
+  const sane = COLUMNS.get(n) === m && flags <= (BY_AREA | SLOPED | FLOORED) && density < DENSITIES && least > 0 && scale > 0;
   if (!sane || !Number.isFinite(low) || !(step > 0 && step < LARGEST_STEP)) throw corrupt("BlockMap tells what cannot be", where);
   return { ...header, ...streamsOf(bytes, view, (flags & SLOPED) !== 0, where) };
 }

@@ -32,30 +32,31 @@ export interface Unfolded {
 
 type Walling = Pick<BlockMapHeader, "n" | "m" | "byArea" | "density" | "least" | "scale">;
 
-/** codes: (n, n). rim: 4 n bits, least significant first. */
-export function unfolded(codes: Uint8Array, rim: Uint8Array, walling: Walling): Unfolded {
-  const drops = dropsOf(codes, rim, walling);
+/** codes: (n, n). floors: (n, n) where bodies end below; null: at the lowest code. rim: 4 n bits, least significant first. */
+export function unfolded(codes: Uint8Array, floors: Uint8Array | null, rim: Uint8Array, walling: Walling): Unfolded {
+  const drops = dropsOf(codes, floors, rim, walling);
   const order = traced(drops, walling.n);
   return walling.byArea ? placedByArea(drops, order, walling) : placedByColumn(order, walling);
 }
 
 /** (4 n n) how many steps of height each side goes down; 0: it is no wall. */
-function dropsOf(codes: Uint8Array, rim: Uint8Array, { n, least }: Walling): Uint8Array {
+function dropsOf(codes: Uint8Array, floors: Uint8Array | null, rim: Uint8Array, { n, least }: Walling): Uint8Array {
   const drops = new Uint8Array(4 * n * n);
   for (let side = 0; side < drops.length; side++) {
     const [texel, k] = [side >> 2, side & 3];
     const code = codes[texel]!;
     if (code === 0) continue;
+    const base = Math.max(floors?.[texel] ?? 0, 1);
     const [i, j] = [texel % n, Math.floor(texel / n)];
     const [x, y] = [i + OUT_X[k]!, j + OUT_Y[k]!];
     if (x < 0 || y < 0 || x >= n || y >= n) {
       const bit = k * n + (k < SOUTH ? j : i);
-      if ((rim[bit >> 3]! >> (bit & 7)) & 1) drops[side] = Math.max(code - 1, 1);
+      if ((rim[bit >> 3]! >> (bit & 7)) & 1) drops[side] = Math.max(code - base, 1);
       continue;
     }
     const beside = codes[n * y + x]!;
-    const drop = beside === 0 ? Math.max(code - 1, 1) : code - beside;
-    if (drop >= least || (beside === 0 && code > 1)) drops[side] = drop;
+    const drop = beside === 0 ? Math.max(code - base, 1) : code - Math.max(beside, base);
+    if (drop >= least || (beside === 0 && code > base)) drops[side] = drop;
   }
   return drops;
 }

@@ -7,7 +7,7 @@
 flat in vec3 eye;
 flat in vec4 shape;
 flat in vec4 heights;
-flat in vec3 walling;
+flat in vec4 walling;
 flat in int layer;
 
 uniform highp usampler2DArray maps; // a map a layer, side by side: tops, slopes, four sides, colours (blockmappage.ts)
@@ -43,6 +43,13 @@ vec2 slopeAt(ivec2 at) {
     if (walling.z == 0.0) return vec2(0.0);
     ivec2 bytes = ivec2(texelAt(texels + at.x, at.y).rg);
     return vec2(bytes - 256 * ivec2(greaterThan(bytes, ivec2(127)))) / 32.0;
+}
+
+// Metres down to which what stands there goes; what goes down to the lowest code goes down for ever.
+float floorAt(ivec2 at) {
+    if (walling.w == 0.0) return -1e9;
+    uint code = texelAt(texels + at.x, at.y).b;
+    return code > 1u ? heightOf(code) : -1e9;
 }
 
 void main() {
@@ -87,7 +94,14 @@ void main() {
             vec2 from = origin.xy - vec2(at) - 0.5;
             float above = z - plane.z - dot(plane.xy, from + t * dir.xy);
             float then = origin.z + beyond * dir.z - plane.z - dot(plane.xy, from + beyond * dir.xy);
-            if (above < 0.0) {
+            float under = floorAt(at);
+            if (above < 0.0 && z < under) {
+                // Below what stands there, and perhaps on the way up to it.
+                if (origin.z + beyond * dir.z > under) {
+                    t = (under - origin.z) * inverse.z;
+                    hit = TOP;
+                }
+            } else if (above < 0.0) {
                 hit = came == FROM_ABOVE ? TOP : came == BEGAN ? NOTHING : SIDE;
             } else if (then < 0.0) {
                 t += (beyond - t) * above / (above - then);
@@ -119,7 +133,10 @@ void main() {
         if (best >= leave) break;
         t = best;
         vec2 p = origin.xy + t * dir.xy;
-        at = ivec2(floor(p));
+        // Never back: at corners rounding would lead a ray to and fro.
+        ivec2 there = ivec2(floor(p));
+        at.x = rising.x ? max(at.x, there.x) : min(at.x, there.x);
+        at.y = rising.y ? max(at.y, there.y) : min(at.y, there.y);
         if (down) {
             came = FROM_ABOVE;
             at = clamp(at, ivec2(0), ivec2(texels - 1));
@@ -148,6 +165,7 @@ void main() {
                 bool within = all(greaterThanEqual(beside, ivec2(0))) && all(lessThan(beside, ivec2(texels)));
                 uint code = within ? texelAt(beside.x, beside.y).r : 0u;
                 if (code > 0u) down = heightOf(code);
+                down = max(down, floorAt(at));
             }
             float along = came < 2 ? p.y - float(at.y) : p.x - float(at.x);
             int column = clamp(int(floor(along * walling.x)), 0, int(walling.x) - 1);

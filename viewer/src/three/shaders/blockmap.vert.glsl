@@ -4,7 +4,7 @@ in vec3 position; // 0 or 1 along each axis
 in vec4 place;    // lower corner of the cell, at the height of code 1, relative to the eye; layer of the page
 in vec4 form;     // metres of a texel along x and y, from code to code, from code 1 to the highest point
 in vec4 looks;    // heights that distances are told for, metres above code 1; metres by which finer parts of the same go before it
-in vec4 walls;    // columns of a side; 1: walls by area; 1: tops may slope
+in vec4 walls;    // columns of a side; 1: walls by area; 1: tops may slope; 1: bodies may end below
 
 uniform int texels;  // a side of a map
 uniform vec3 toX;    // rows of the linear part of the projection, pixels
@@ -16,7 +16,7 @@ uniform float near;
 flat out vec3 eye;   // texels along x and y from the cell's corner, metres above code 1
 flat out vec4 shape;
 flat out vec4 heights;
-flat out vec3 walling;
+flat out vec4 walling;
 flat out int layer;
 
 void main() {
@@ -32,6 +32,6 @@ void main() {
     eye = -place.xyz / vec3(form.xy, 1.0);
     shape = form;
     heights = looks;
-    walling = walls.xyz;
+    walling = walls;
     layer = int(place.w);
 }
