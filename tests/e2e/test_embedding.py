@@ -94,6 +94,32 @@ def test_shares_depth_and_background_with_the_scene(embedded: Visit) -> None:
     assert _share(with_world[300:310, 316:324], BLUE) == 0, "the ground hides its lower half"
 
 
+PICKED = """async ([x, y]) => {
+  const found = await world.pick(x, y), camera = new THREE.PerspectiveCamera(45, 4 / 3, 0.5, 1000);
+  camera.position.set(0, 30, 45);
+  camera.lookAt(0, 0, 0);
+  camera.updateMatrixWorld();
+  const place = found && new THREE.Vector3(...found.position).applyMatrix4(world.matrixWorld).project(camera);
+  return found && {...found, pixel: [320 * (1 + place.x), 240 * (1 - place.y)]};
+}"""
+"""What is at a pixel of the page above, and where in the picture it is by its position."""
+
+
+def test_tells_what_is_picked_in_local_metres_wherever_it_is_placed(embedded: Visit) -> None:
+    page = embedded.page
+    for x, y in [(320, 330), (200, 280), (450, 300)]:
+        found = page.evaluate(PICKED, [x, y])
+        assert found["id"] > 0
+        assert np.abs(np.array(found["pixel"]) - [x + 0.5, y + 0.5]).max() < 0.5
+        assert np.abs(found["position"][:2]).max() < 32
+        assert -0.5 < found["position"][2] < 7
+    assert page.evaluate(PICKED, [320, 5]) is None
+    aborted = "world.pick(320, 330, AbortSignal.abort()).catch(({tag}) => tag)"
+    assert page.evaluate(aborted) == "aborted"
+    page.context.close()
+    assert embedded.errors == []
+
+
 MOVING = """async () => {
   const {session} = world, {draw} = session, box = (width, height, material) => {
     const mesh = new THREE.Mesh(new THREE.BoxGeometry(width, width, height), material);

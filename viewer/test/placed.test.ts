@@ -10,8 +10,8 @@ import type { NearModel } from "../src/three/near/model.js";
 import { PlacedInstances } from "../src/three/near/placed.js";
 
 const surface = { map: null, factor: [1, 1, 1, 1], cutoff: 0, unlit: false, colored: false } as const;
-const part = () => ({ geometry: new BoxGeometry(), surface, triangles: 12 });
-const modelOf = (parts: number): NearModel => ({ parts: Array.from({ length: parts }, part), placements: [], bytes: 0, dispose: () => undefined });
+const part = () => ({ geometry: new BoxGeometry(), surface, triangles: 12, features: 0 });
+const modelOf = (parts: number): NearModel => ({ parts: Array.from({ length: parts }, part), placements: [], objects: null, bytes: 0, dispose: () => undefined });
 /** x to y, y to -x, and so far from the corner. */
 const turned = (x: number): number[] => [0, -1, 0, x, 1, 0, 0, 2, 0, 0, 1, 3];
 

@@ -28,7 +28,7 @@ export const MANIFEST: Manifest = {
   text: "", generation: 1, name: "test", crs: null, origin: [0, 0, 0],
   bounds: { lower: [0, 0, 0], upper: [4, 4, 1] },
   grid: GRID, directions: DIRECTIONS, depthLayers: 1, indexDepth: 4,
-    near: 1, roots: [], credits: [], view: null, servers: null,
+    near: 1, roots: [], credits: [], view: null, attributes: null, servers: null,
 };
 
 function entryOf(key: CellKey): CellEntry {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from farfield.errors import CorruptTileError
 from farfield.octree.grid import CellKey
@@ -45,7 +45,7 @@ class TileCache:
     ) -> Iterator[tuple[Wanted, list[OrthoLayer] | CorruptTileError]]:
         """Each wanted cell in its order with its layers in the order of its places, or why they cannot be read.
 
-        objects: whether the layers shall have object ids.
+        objects: whether the layers shall have object ids, as far as there are any.
         """
         with ThreadPoolExecutor(THREADS) as pool:
             running: list[list[Future[OrthoLayer] | OrthoLayer]] = []
@@ -81,7 +81,9 @@ class TileCache:
         return layers
 
     def _read(self, key: CellKey, place: Place, objects: bool) -> OrthoLayer:
-        return self.world.tile(self.world.entry(key), *place).layer
+        entry = self.world.entry(key)
+        layer = self.world.tile(entry, *place).layer
+        return replace(layer, objects=self.world.object_ids(entry, *place, layer)) if objects else layer
 
     def _keep(self, key: CellKey, place: Place, objects: bool, layer: OrthoLayer) -> OrthoLayer:
         if (key, place, objects) not in self._held:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+from numpy.typing import NDArray
+
 from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.octree.grid import CellKey, Grid
+from farfield.represent.orthoview.layer import OrthoLayer
+from farfield.represent.orthoview.object_tile import decode_object_tile
 from farfield.represent.orthoview.tile import DecodedTile, decode_tile
 from farfield.store.contract import Store
 from farfield.world import keys
@@ -84,6 +89,14 @@ class World:
         if (tile.level, tile.direction, tile.index) != (entry.cell.level, direction, layer):
             raise CorruptTileError("the tile belongs to another cell or view", key, _HINT)
         return tile
+
+    def object_ids(self, entry: CellEntry, direction: int, layer: int, of: OrthoLayer) -> NDArray[np.uint32] | None:
+        """(h, w) object ids of that tile, which is decoded already; None: it has none. Raises CorruptTileError."""
+        key = keys.objects_key(entry.cell, direction, layer, entry.hash)
+        try:
+            return decode_object_tile(self.store.get(key), of, key)
+        except MissingKeyError:
+            return None
 
     def _is_listed(self, key: CellKey) -> bool:
         """Whether the manifest or the entry of its parent names a cell."""

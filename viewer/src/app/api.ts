@@ -1,5 +1,6 @@
 import type { Vector3 } from "../core/vector.js";
 import type { OptionChanges } from "../three/options.js";
+import type { Picked } from "../three/picker.js";
 import type { WorldStats } from "../three/stats.js";
 import type { FarfieldWorld } from "../three/world.js";
 import type { Application } from "./application.js";
@@ -24,6 +25,8 @@ export interface FarfieldPage {
   setOptions(changes: OptionChanges): void;
   stats(): PageStats;
   hideInterface(): void;
+  /** What is at a place of the picture, CSS pixels from its upper left corner; null: nothing. Nothing is shown of it. */
+  pick(x: number, y: number): Promise<Picked | null>;
   readonly world: FarfieldWorld;
 }
 
@@ -35,6 +38,7 @@ export function pageOf(application: Application): FarfieldPage {
     setOptions: (changes) => application.setOptions(changes),
     stats: () => application.stats,
     hideInterface: () => application.hideInterface(),
+    pick: (x, y) => application.pick(x, y),
     world: application.world,
   };
 }

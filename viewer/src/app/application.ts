@@ -3,6 +3,7 @@ import type { Manifest } from "../core/manifest.js";
 import { FrameTimer } from "../three/frametimer.js";
 import { FarfieldWorld } from "../three/world.js";
 import type { OptionChanges } from "../three/options.js";
+import type { Picked } from "../three/picker.js";
 import type { PageStats } from "./api.js";
 import { Balloons } from "./balloons.js";
 import { Controls } from "./controls.js";
@@ -11,6 +12,7 @@ import { airOf, readHash, writeHash } from "./hash.js";
 import { Messages } from "./messages.js";
 import { Panel } from "./panel.js";
 import { controlsOf } from "./panelcontrols.js";
+import { Picking } from "./picking.js";
 import { DEFAULT_FOV, overview, type Pose } from "./pose.js";
 
 const FIGURES_MS = 250;
@@ -25,6 +27,9 @@ export interface PageElements {
   readonly panel: HTMLElement;
   readonly credits: HTMLElement;
   readonly banner: HTMLElement;
+  /** The card of what was clicked, and the mark where that was. */
+  readonly picked: HTMLElement;
+  readonly marker: HTMLElement;
   readonly progress: HTMLElement;
   readonly message: HTMLElement;
   /** Everything over the picture. */
@@ -41,6 +46,7 @@ export class Application {
   private readonly timer: FrameTimer;
   private readonly rate = new Rate();
   private readonly messages: Messages;
+  private readonly picking: Picking;
   private panel: Panel | null = null;
   private balloons: Balloons | null = null;
   private frames = 0;
@@ -67,6 +73,8 @@ export class Application {
     this.controls.onmove = () => this.rememberSoon();
     this.messages = new Messages(elements.message, elements.banner, () => this.world.retryNow());
     this.messages.opening(address.href);
+    this.picking = new Picking({ ...elements, pick: (x, y, signal) => this.pick(x, y, signal) });
+    this.controls.ontap = (x, y) => void this.picking.at(x, y);
     this.listen();
     requestAnimationFrame((now) => this.tick(now));
   }
@@ -88,6 +96,12 @@ export class Application {
 
   hideInterface(): void {
     this.elements.overlay.hidden = true;
+  }
+
+  /** As `FarfieldWorld.pick`, in CSS pixels of the canvas. */
+  pick(x: number, y: number, signal?: AbortSignal): Promise<Picked | null> {
+    const { canvas } = this.elements;
+    return this.world.pick((x * canvas.width) / canvas.clientWidth, (y * canvas.height) / canvas.clientHeight, signal);
   }
 
   get stats(): PageStats {
@@ -154,6 +168,7 @@ export class Application {
       this.renderer.render(this.scene, this.camera);
       this.frames++;
       this.timer.submitted(start);
+      this.picking.follow(this.camera, this.world.matrixWorld);
       // While tiles come in, a slow card draws at most half of the time: decoding needs the machine too.
       this.restUntil = start + 2 * Math.max(this.timer.milliseconds, performance.now() - start);
     }

@@ -15,6 +15,8 @@ export class Controls {
   pose: Pose = { eye: [0, -1, 0], target: [0, 0, 0], fov: 50 };
   /** Told after each move that a person made. */
   onmove: () => void = () => undefined;
+  /** Told of each click or tap, pixels of the page. */
+  ontap: (x: number, y: number) => void = () => undefined;
   private readonly keys: Keys;
   private readonly stop = new AbortController();
   private glide = { heading: 0, pitch: 0 };
@@ -27,7 +29,11 @@ export class Controls {
   ) {
     const { signal } = this.stop;
     this.keys = new Keys(signal);
-    new Pointers(canvas, signal, { drag: (drag) => this.drag(drag), zoom: (factor) => this.zoom(factor) });
+    new Pointers(canvas, signal, {
+      drag: (drag) => this.drag(drag),
+      zoom: (factor) => this.zoom(factor),
+      tap: (x, y) => this.ontap(x, y),
+    });
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false, signal });
   }
 

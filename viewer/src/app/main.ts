@@ -14,6 +14,8 @@ const elements: PageElements = {
   panel: find("panel"),
   credits: find("credits"),
   banner: find("banner"),
+  picked: find("picked"),
+  marker: find("marker"),
   progress: find("progress"),
   message: find("message"),
   overlay: find("interface"),

@@ -31,7 +31,7 @@ export interface PanelParts {
 /** Screens on which the panel begins folded: it would hide most of the picture. */
 const SMALL = "(max-width: 760px), (max-height: 560px)";
 
-const HELP = "Drag to orbit, right-drag to look, shift-drag to shift, wheel to approach; W A S D Q E to fly, shift for faster.";
+const HELP = "Drag to orbit, right-drag to look, shift-drag to shift, wheel to approach; W A S D Q E to fly, shift for faster; click to ask what is there.";
 
 export class Panel {
   private readonly figures = document.createElement("dl");

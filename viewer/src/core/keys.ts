@@ -12,6 +12,9 @@ export const geometryKey = (cell: string, hash: string): string => `geometry/${c
 export const blockMapKey = (cell: string, hash: string): string => `blockmap/${cell}-${hash}`;
 /** Object ids of the BlockMap of that hash. */
 export const blockMapObjectsKey = (cell: string, hash: string): string => `objects/${cell}/blockmap-${hash}`;
+/** Object ids of one layer of one orthoview. */
+export const objectsKey = (cell: string, direction: number, layer: number, hash: string): string => `objects/${cell}/${direction}/${layer}-${hash}`;
+export const attributesKey = (hash: string): string => `attributes/${hash}`;
 export const meshKey = (hash: string): string => `mesh/${hash}`;
 export const textureKey = (hash: string): string => `texture/${hash}`;
 

@@ -40,6 +40,8 @@ export interface Manifest {
   readonly roots: readonly { readonly key: CellKey; readonly hash: string }[];
   readonly credits: readonly string[];
   readonly view: View | null;
+  /** Hash of the index of attributes; null: objects have none. */
+  readonly attributes: string | null;
   /** Over which servers the world is split; null: everything is where the manifest is. */
   readonly servers: ServerRule | null;
 }
@@ -86,6 +88,8 @@ function read(head: Json, text: string, where: string): Manifest {
   if (!isCount(indexDepth, 16) || indexDepth < 2) throw new Error("index_depth");
   if (depthLayers !== 1 && depthLayers !== 2) throw new Error("depth_layers");
   if (!isCount(generation)) throw new Error("generation");
+  const { attributes = null } = head;
+  if (attributes !== null && !isHash(attributes)) throw new Error("attributes");
   if (typeof near !== "number" || !(near > 0 && near <= 1)) throw new Error("near");
   return {
     text,
@@ -102,6 +106,7 @@ function read(head: Json, text: string, where: string): Manifest {
     roots: readRoots(list(head["roots"] ?? [], "roots"), grid),
     credits: list(head["credits"] ?? [], "credits").map(String),
     view: head["view"] == null ? null : readView(object(head["view"], "view")),
+    attributes,
     servers: head["servers"] === undefined ? null : readServers(head["servers"], where),
   };
 }

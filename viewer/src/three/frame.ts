@@ -5,6 +5,7 @@ import {
 } from "three";
 import { FadeClock } from "../core/fadeclock.js";
 import type { Air } from "./air.js";
+import { DepthProbe } from "./depthprobe.js";
 import { Fading } from "./fading.js";
 import type { LightUniforms } from "./light.js";
 import { drawApart, Pass, wholeTriangle } from "./pass.js";
@@ -51,6 +52,7 @@ export class Frame {
     pictureDepth: { value: null as Texture | null },
     shutter: { value: 0 },
   };
+  private readonly probe = new DepthProbe();
   /** Of the picture, pixels. */
   private readonly size = new Vector2();
   /** Pixels of the frame for one of the picture, a side: whole, or less than 1. */
@@ -92,6 +94,23 @@ export class Frame {
     return this.target!.depthTexture!;
   }
 
+  /**
+   * The nearest sample of what was drawn last in a pixel of the picture, counted from its upper left corner: where in the frame it is, from below, and near /
+   * distance; null: nothing is there.
+   */
+  async nearestIn(renderer: WebGLRenderer, x: number, y: number): Promise<{ readonly x: number; readonly y: number; readonly depth: number } | null> {
+    const { target, ratio, size } = this;
+    const [column, row] = [Math.floor(x), size.y - 1 - Math.floor(y)];
+    if (!target || !(column >= 0 && column < size.x && row >= 0 && row < size.y)) return null;
+    const side = Math.max(1, ratio);
+    const place = (pixel: number): number => Math.floor(ratio < 1 ? (pixel + 0.5) * ratio : pixel * ratio);
+    const depths = await this.probe.read(renderer, target.depthTexture!, [place(column), place(row)], side);
+    const nearest = depths.reduce((best, depth, n) => (depth > depths[best]! ? n : best), 0);
+    const depth = depths[nearest]!;
+    if (!(depth > 0)) return null;
+    return { x: place(column) + (nearest % side) + 0.5, y: place(row) + Math.floor(nearest / side) + 0.5, depth };
+  }
+
   /** Draws a scene into the frame, to be shown; it has been told of the viewpoint already. */
   draw(renderer: WebGLRenderer, scene: Scene, camera: Camera): void {
     renderInto(this.target!, renderer, scene, camera);
@@ -120,6 +139,7 @@ export class Frame {
     this.target?.dispose();
     this.leaveOver();
     this.copy.dispose();
+    this.probe.dispose();
     this.fading.dispose();
     this.screen.geometry.dispose();
     this.resolve.dispose();

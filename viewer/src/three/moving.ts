@@ -106,7 +106,7 @@ export class MovingObjects {
     const { make } = this;
     if (!make) return;
     const { geometry, material } = source;
-    const made = (one: Material): RawShaderMaterial => make({ geometry, surface: surfaceOf(one, geometry), triangles: trianglesOf(geometry) });
+    const made = (one: Material): RawShaderMaterial => make({ geometry, surface: surfaceOf(one, geometry), triangles: trianglesOf(geometry), features: 0 });
     for (const old of [drawn.material].flat()) old.dispose();
     drawn.material = Array.isArray(material) ? material.map(made) : made(material);
   }

@@ -28,6 +28,7 @@ import { expectGeometry } from "./near/draco.js";
 import { NearGeometry } from "./near/geometry.js";
 import { TextureShelf } from "./near/textures.js";
 import type { WorldOptions } from "./options.js";
+import type { DrawnPicture } from "./picker.js";
 import { ThreePreparer } from "./preparer.js";
 import type { Shadows } from "./shadows.js";
 import { Splats, type SplatView } from "./splats.js";
@@ -108,6 +109,8 @@ export class Session {
   private before: DepthPyramid | null = null;
   /** Of the picture that was drawn last. */
   drawn: Viewpoint | null = null;
+  /** What that shows, and of which generation. */
+  picture: DrawnPicture | null = null;
   /** The picture that was drawn last, while it is not certain that nothing is missing from it. */
   private unsure: Viewpoint | null = null;
 
@@ -381,6 +384,7 @@ export class Session {
     this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culling, before: this.before, bothSides: false });
     frame.draw(renderer(), scene, camera);
     this.drawn = viewpoint;
+    this.picture = { plan: this.plan!, viewpoint, manifest: this.index.manifest };
     this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
     if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
   }

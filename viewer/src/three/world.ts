@@ -16,6 +16,7 @@ import { openManifest, sourceOf } from "./opening.js";
 import { defaultOptions, maySession, withChanges, type OptionChanges, type WorldOptions } from "./options.js";
 import { MovingObjects } from "./moving.js";
 import { Pace } from "./pace.js";
+import { Picker, type Picked } from "./picker.js";
 import { Session } from "./session.js";
 import { Shadows } from "./shadows.js";
 import { statsOf, type WorldStats } from "./stats.js";
@@ -47,6 +48,7 @@ export class FarfieldWorld extends Object3D {
   readonly source: Source;
   options: WorldOptions;
   private session: Session | null = null;
+  private picker: Picker | null = null;
   private generations: Generations | null = null;
   private readonly inner = new Scene();
   private readonly group = new Group();
@@ -172,6 +174,29 @@ export class FarfieldWorld extends Object3D {
     return new Promise((resolve) => this.waiting.push(resolve));
   }
 
+  /**
+   * What is at pixel (x, y) of the picture that was drawn last, counted in pixels of the renderer's drawing buffer from its upper left corner: the object and
+   * its attributes, which are fetched for that; null: nothing of the world is there. What moves is looked through. Rejects with `network`, `missing`, `corrupt`
+   * or `aborted`.
+   */
+  async pick(x: number, y: number, signal?: AbortSignal): Promise<Picked | null> {
+    const { session, picker, renderer } = this;
+    if (!session?.picture || !picker || !renderer) return null;
+    const { signal: closing } = this.closing;
+    const own = new AbortController();
+    const abort = (): void => own.abort();
+    const ends = signal ? [closing, signal] : [closing];
+    for (const end of ends) {
+      if (end.aborted) abort();
+      end.addEventListener("abort", abort);
+    }
+    try {
+      return await picker.pick(session.picture, renderer, x, y, own.signal);
+    } finally {
+      for (const end of ends) end.removeEventListener("abort", abort);
+    }
+  }
+
   /** Whether a value is held, ready to be drawn or uploaded. */
   holds(key: string): boolean {
     return this.session?.loader.cache.has(key) ?? false;
@@ -247,6 +272,7 @@ export class FarfieldWorld extends Object3D {
       },
     });
     this.session = session;
+    this.picker = new Picker(servers, manifest, frame);
     session.push?.turn(maySession(this.options));
     this.moving.drawWith((part) => session.near.materialOfMoving(part));
     this.changed();

@@ -8,6 +8,7 @@ import { constants, deflateRawSync } from "node:zlib";
 import { unzipSync } from "fflate";
 import { Texture } from "three";
 import { beforeAll, describe, expect, it, vi } from "vitest";
+import { decodeAttributeIndex, decodeAttributeTable } from "../../src/core/attributes.js";
 import { decodeBlockMap } from "../../src/core/blockmap/decode.js";
 import { decodeBlockMapObjects } from "../../src/core/blockmap/objects.js";
 import { Cell, SharedMeshes } from "../../src/core/cell.js";
@@ -20,6 +21,7 @@ import { inflate } from "../../src/core/inflate.js";
 import { decodeManifest } from "../../src/core/manifest.js";
 import { decodeTile, WORDS } from "../../src/core/orthoview/decode.js";
 import { PLANE } from "../../src/core/orthoview/header.js";
+import { decodeObjectTile } from "../../src/core/orthoview/objects.js";
 import { readMessage, readPiece } from "../../src/core/push/messages.js";
 import { parseNearModel } from "../../src/three/near/parse.js";
 import type { TextureShelf } from "../../src/three/near/textures.js";
@@ -69,7 +71,7 @@ const SAID = [
 /** Node has no decoder of WebP. */
 const grey = (_: Uint8Array, width: number, height: number): Promise<Uint8ClampedArray> =>
   Promise.resolve(new Uint8ClampedArray(width * height * 4).fill(99));
-const shelf = { acquire: () => Promise.resolve(new Texture({ width: 1, height: 1 })), release: () => undefined } as unknown as TextureShelf;
+const shelf = { isTaken: () => false, acquire: () => Promise.resolve(new Texture({ width: 1, height: 1 })), release: () => undefined } as unknown as TextureShelf;
 
 async function orthoview(bytes: Uint8Array): Promise<void> {
   const { width, height, count, pixels } = await decodeTile(bytes, "tile", grey);
@@ -115,6 +117,10 @@ function placing(): Uint8Array {
 const stream = (content: Uint8Array): Uint8Array => joined(new Uint8Array(Uint32Array.of(content.length).buffer), deflated(content));
 const STREAM: Shell = { name: "stream", open: (value) => inflate(value.subarray(4), u32At(value, 0), ""), close: (_, part) => stream(part) };
 
+const NOISE = readVector("tiles/noise.ffov");
+const ATTRIBUTES = new TextEncoder().encode(JSON.stringify({ columns: { height: [9, 12.5, null], name: ["a", "b", null] } }));
+const ATTRIBUTE_INDEX = new TextEncoder().encode(JSON.stringify({ objects: 40, parts: [[1, 3, "0123456789abcdef"], [4097, 30, "fedcba9876543210"]] }));
+
 const DECODERS: readonly Decoder[] = [
   {
     name: "orthoview",
@@ -123,6 +129,15 @@ const DECODERS: readonly Decoder[] = [
     shells: [BARE, SEALED, SEALED, ...Object.values(PLANE).flatMap((kind) => [plane(kind), tables(kind)])],
     bound: (bytes) => 96 * Math.min(4096, u32At(bytes, 20) & 0xffff) * Math.min(4096, u32At(bytes, 20) >>> 16) + INFLATE_ROOM,
   },
+  {
+    name: "object ids",
+    decode: (bytes) => decodeObjectTile(NOISE, bytes, "ids"),
+    corpus: ["tiles", "tiles/deflated"].map((folder) => readVector(`${folder}/noise.ffid`)),
+    shells: [BARE, SEALED, plane(PLANE.objects), plane(PLANE.objects), tables(PLANE.objects)],
+    bound: () => 32 * 11 * 13 + INFLATE_ROOM,
+  },
+  { name: "attributes", decode: (bytes) => decodeAttributeTable(bytes, "table"), corpus: [ATTRIBUTES], shells: [BARE, BARE_JSON], bound: (bytes) => 64 * bytes.length },
+  { name: "index of attributes", decode: (bytes) => decodeAttributeIndex(bytes, "index"), corpus: [ATTRIBUTE_INDEX], shells: [BARE, BARE_JSON], bound: (bytes) => 64 * bytes.length },
   {
     name: "blockmap",
     decode: blockMap,

@@ -3,7 +3,7 @@ import { deflateRawSync, inflateRawSync } from "node:zlib";
 import { crc32 } from "../../src/core/crc32.js";
 import { DICTIONARY } from "../../src/core/decode/dictionary.js";
 import { glbOf } from "../../src/core/decode/glb.js";
-import { CODEC, readTile, type StoredPlane } from "../../src/core/orthoview/header.js";
+import { CODEC, OBJECT_IDS, ORTHOVIEW, readTile, type StoredPlane } from "../../src/core/orthoview/header.js";
 import { joined } from "./mutate.js";
 
 export interface Shell {
@@ -42,16 +42,22 @@ export function withPlanes(tile: Uint8Array, planes: ReadonlyMap<number, StoredP
   return sealed(joined(header, ...[...planes.values()].map(({ bytes }) => bytes)));
 }
 
+/** Planes of a tile, or of its object ids. */
+function planesOf(tile: Uint8Array): Map<number, StoredPlane> {
+  const kind = new DataView(tile.buffer, tile.byteOffset).getUint32(0, true) === OBJECT_IDS.magic ? OBJECT_IDS : ORTHOVIEW;
+  return new Map(readTile(tile, "", kind).planes);
+}
+
 /** A part of one plane of a tile, of all its bytes. */
 function within(name: string, kind: number, open: (plane: StoredPlane) => Uint8Array | null, close: (plane: StoredPlane, part: Uint8Array) => Uint8Array): Shell {
   return {
     name: `${name} ${kind}`,
     open: (tile) => {
-      const plane = readTile(tile, "").planes.get(kind);
+      const plane = planesOf(tile).get(kind);
       return plane ? open(plane) : null;
     },
     close: (tile, part) => {
-      const planes = new Map(readTile(tile, "").planes);
+      const planes = planesOf(tile);
       const plane = planes.get(kind)!;
       return withPlanes(tile, planes.set(kind, { ...plane, bytes: close(plane, part) }));
     },

@@ -48,7 +48,7 @@ function faultOf(bytes: Uint8Array): string | null {
   const body = Math.max(0, bytes.length - HEADER_BYTES - length - 8);
   if (NOTHING_OF.some((name) => json[name] !== undefined)) return "more than near geometry";
   const data = bytes.subarray(bytes.length - body);
-  return faultOfBytes(json, body) ?? faultOfMeshes(json, data) ?? faultOfInstances(json);
+  return faultOfBytes(json, body) ?? faultOfMeshes(json, data) ?? faultOfNotes(json);
 }
 
 function parse(text: Uint8Array): Json | null {
@@ -123,20 +123,26 @@ function isPrimitive(
   return claims(body.subarray(begin, begin + length), count as number, (corners["count"] as number) / 3);
 }
 
-/** Instances: a matrix and an object id for each. */
-function faultOfInstances(json: Json): string | null {
+/** Object ids of the features, and instances: a matrix and an object id for each. */
+function faultOfNotes(json: Json): string | null {
   const scenes = objects(json, "scenes");
   if (!scenes) return "its scenes";
   const accessors = (json["accessors"] ?? []) as readonly Json[];
   for (const { extras } of scenes) {
     const notes = isObject(extras) ? extras["farfield"] : undefined;
     const listed = isObject(notes) ? (notes["instances"] ?? []) : [];
+    const own = isObject(notes) ? notes["objects"] : undefined;
+    if (own !== undefined && !isIds(accessors[own as number])) return "its object ids";
     if (!isList(listed, isObject)) return "its instances";
     for (const { mesh, transforms, objects: ids } of listed) {
       const [matrix, id] = [accessors[transforms as number], accessors[ids as number]];
-      const typed = matrix?.["bufferView"] !== undefined && id?.["bufferView"] !== undefined && matrix["type"] === "MAT4" && matrix["componentType"] === 5126 && id["type"] === "SCALAR" && id["componentType"] === 5125;
-      if (!isHash(mesh) || !typed || matrix["count"] !== id["count"]) return "an instance";
+      const typed = matrix?.["bufferView"] !== undefined && matrix["type"] === "MAT4" && matrix["componentType"] === 5126 && isIds(id);
+      if (!isHash(mesh) || !typed || matrix["count"] !== id!["count"]) return "an instance";
     }
   }
   return null;
+}
+
+function isIds(accessor: Json | undefined): boolean {
+  return accessor?.["bufferView"] !== undefined && accessor["type"] === "SCALAR" && accessor["componentType"] === 5125;
 }

@@ -12,6 +12,10 @@ export const DEPTH_MODELS: readonly Model[] = [{ contexts: MASK_CONTEXTS, alphab
 export const NORMAL_MODELS: readonly Model[] = [{ contexts: FIRST_CONTEXTS + 48, alphabet: 64 }];
 export const COVERAGE_MODELS: readonly Model[] = [{ contexts: COVERAGE_CONTEXTS, alphabet: 16 }, { contexts: 40, alphabet: 8 }];
 export const BIT_MODELS: readonly Model[] = [{ contexts: 144, alphabet: 2 }];
+const OBJECT_CONTEXTS = 32;
+export const OBJECT_MODELS: readonly Model[] = [{ contexts: OBJECT_CONTEXTS, alphabet: 5 }, { contexts: 1, alphabet: 33 }];
+/** In place of a neighbour: none shows the same object, and its id follows. */
+const NONE = 4;
 
 /** (size,) of every number below `size`, how many limits are not above it. */
 function steps(size: number, ...limits: number[]): Uint8Array {
@@ -128,6 +132,45 @@ export function readBits(reader: SymbolReader, { neighbours }: ValidPixels, near
     bits[k] = reader.symbol(context);
   }
   return bits;
+}
+
+/** Object ids; null when a neighbour is named that is not there. */
+export function readObjects(reader: SymbolReader, { neighbours }: ValidPixels): Uint32Array | null {
+  const ids = new Uint32Array(neighbours.length);
+  let last = 0;
+  for (let k = 0; k < ids.length; k++) {
+    const around = neighbours[k]!;
+    const others = [k - 1, around >> 4, (around >> 4) - 1, northEastOf(around)] as const;
+    const side = reader.symbol(objectContext(around, others, ids));
+    if (side === NONE) ids[k] = last = (last + readStep(reader)) >>> 0;
+    else if ((around >> side) & 1) ids[k] = ids[others[side]!]!;
+    else return null;
+  }
+  return ids;
+}
+
+/** Which neighbours there are, and which show the same object. others: where those west, north, north-west and north-east stand. */
+function objectContext(around: number, [west, north, northWest, northEast]: readonly [number, number, number, number], ids: Uint32Array): number {
+  let context = around & (WEST | NORTH);
+  if (!(around & NORTH)) return context;
+  const id = ids[north]!;
+  if (around & WEST && ids[west] === id) context |= 4;
+  if (around & NORTH_WEST && ids[northWest] === id) context |= 8;
+  if (around & NORTH_EAST && ids[northEast] === id) context |= 16;
+  return context;
+}
+
+/** How far an id is from the last that was written: a zigzag code of as many bits as are told first. */
+function readStep(reader: SymbolReader): number {
+  const length = reader.symbol(OBJECT_CONTEXTS);
+  let code = length > 0 ? 1 : 0;
+  for (let bits = length - 1; bits > 0; ) {
+    const part = Math.min(bits, 7);
+    bits -= part;
+    // Of up to 32 bits: shifts would take the highest for a sign.
+    code = code * 2 ** part + reader.bits(part);
+  }
+  return code % 2 === 0 ? code / 2 : -(code + 1) / 2;
 }
 
 /** Mean of the neighbours' numbers in sixths; `alone` when the pixel has none before it. around: its `neighbours`. */

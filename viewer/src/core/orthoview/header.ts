@@ -3,12 +3,24 @@ import { corrupt } from "../errors.js";
 
 const HEADER_BYTES = 40;
 const ENTRY_BYTES = 8;
-const MAGIC = 0x564f4646; // "FFOV"
 const LARGEST = 4096;
 
-export const PLANE = { depth: 1, color: 2, normal: 3, coverage: 4, flags: 5, unlit: 6 } as const;
+export const PLANE = { depth: 1, color: 2, normal: 3, coverage: 4, flags: 5, unlit: 6, objects: 7 } as const;
 export const CODEC = { raw: 0, deflate: 1, webp: 2, coded: 3 } as const;
 const MOST_PLANES = 64;
+
+/** What files with the header of a tile are: how they begin, and the planes that are read of them. */
+export interface TileKind {
+  readonly magic: number;
+  readonly planes: ReadonlySet<number>;
+  readonly name: string;
+}
+
+const { objects, ...PICTURED } = PLANE;
+/** "FFOV". */
+export const ORTHOVIEW: TileKind = { magic: 0x564f4646, planes: new Set(Object.values(PICTURED)), name: "an orthoview tile" };
+/** "FFID": object ids of an orthoview tile. */
+export const OBJECT_IDS: TileKind = { magic: 0x44494646, planes: new Set([objects]), name: "the object ids of an orthoview tile" };
 
 /** Bytes of a plane as they are stored. */
 export interface StoredPlane {
@@ -35,12 +47,10 @@ export interface TileHeader {
 }
 
 /** Reads the header and finds the planes. Throws `corrupt` unless the whole tile is sound. */
-export function readTile(bytes: Uint8Array, where: string): TileHeader {
+export function readTile(bytes: Uint8Array, where: string, kind = ORTHOVIEW): TileHeader {
   if (bytes.length < HEADER_BYTES) throw corrupt("tile is cut short", where);
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
-  if (view.getUint32(0, true) !== MAGIC || view.getUint16(4, true) !== 1) {
-    throw corrupt("not an orthoview tile of a known version", where);
-  }
+  if (view.getUint32(0, true) !== kind.magic || view.getUint16(4, true) !== 1) throw corrupt(`not ${kind.name} of a known version`, where);
   if (checksum(bytes) !== view.getUint32(36, true)) throw corrupt("tile is damaged", where);
   const header = {
     direction: view.getUint8(6),
@@ -57,7 +67,7 @@ export function readTile(bytes: Uint8Array, where: string): TileHeader {
   const sane = width >= 1 && width <= LARGEST && height >= 1 && height <= LARGEST && valid >= 1;
   if (!sane || valid > width * height) throw corrupt("tile of an impossible size", where);
   if (header.layer > 1 || view.getUint16(34, true) !== 0) throw corrupt("not a tile of version 1", where);
-  return { ...header, planes: readPlanes(bytes, view, view.getUint16(32, true), where) };
+  return { ...header, planes: readPlanes(bytes, view, kind.planes, where) };
 }
 
 function checksum(bytes: Uint8Array): number {
@@ -65,7 +75,8 @@ function checksum(bytes: Uint8Array): number {
   return crc32(bytes.subarray(HEADER_BYTES), crc32(zeros, crc32(bytes.subarray(0, 36))));
 }
 
-function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: string): Map<number, StoredPlane> {
+function readPlanes(bytes: Uint8Array, view: DataView, known: ReadonlySet<number>, where: string): Map<number, StoredPlane> {
+  const count = view.getUint16(32, true);
   const planes = new Map<number, StoredPlane>();
   let at = HEADER_BYTES + count * ENTRY_BYTES;
   if (count > MOST_PLANES || at > bytes.length) throw corrupt("tile is cut short", where);
@@ -76,16 +87,12 @@ function readPlanes(bytes: Uint8Array, view: DataView, count: number, where: str
     if (end > bytes.length) throw corrupt("tile is cut short", where);
     if (planes.has(kind)) throw corrupt(`plane ${kind} is there twice`, where);
     if (view.getUint16(entry + 2, true) !== 0) throw corrupt(`plane ${kind} is not of version 1`, where);
-    if (known(kind) && !allowed(kind, codec)) throw corrupt(`plane ${kind} in an unknown codec`, where);
+    if (known.has(kind) && !allowed(kind, codec)) throw corrupt(`plane ${kind} in an unknown codec`, where);
     planes.set(kind, { codec, bytes: bytes.subarray(at, end) });
     at = end;
   }
   if (at !== bytes.length) throw corrupt("bytes behind the last plane", where);
   return planes;
-}
-
-function known(kind: number): boolean {
-  return kind >= PLANE.depth && kind <= PLANE.unlit;
 }
 
 function allowed(kind: number, codec: number): boolean {

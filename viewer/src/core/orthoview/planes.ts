@@ -6,8 +6,8 @@ import { corrupt } from "../errors.js";
 import { inflate } from "../inflate.js";
 import { unpackBits } from "./bits.js";
 import { SymbolReader, type Model } from "./coding.js";
-import { BIT_MODELS, COVERAGE_MODELS, DEPTH_MODELS, NORMAL_MODELS, type Turns } from "./contexts.js";
-import { readBits, readCoverage, readDepth, readMask, readNormals } from "./contexts.js";
+import { BIT_MODELS, COVERAGE_MODELS, DEPTH_MODELS, NORMAL_MODELS, OBJECT_MODELS, type Turns } from "./contexts.js";
+import { readBits, readCoverage, readDepth, readMask, readNormals, readObjects } from "./contexts.js";
 import { CODEC, PLANE, type StoredPlane, type TileHeader } from "./header.js";
 import { MARGIN, validPixels, type ValidPixels } from "./valid.js";
 
@@ -67,6 +67,26 @@ export function bitPlane(header: TileHeader, kind: number, pixels: ValidPixels, 
   const bits = unpackBits(contentOf(plane, (header.valid + 7) >> 3, where), header.valid);
   if (!bits) throw corrupt(`${NAMES.get(kind)} of more than the valid pixels`, where);
   return bits;
+}
+
+/** (valid,) object ids. header: of the file that has them. */
+export function objectPlane(header: TileHeader, pixels: ValidPixels, where: string): Uint32Array {
+  const { valid } = header;
+  const plane = needPlane(header, PLANE.objects, where);
+  if (plane.codec === CODEC.coded) {
+    return readWhole(OBJECT_MODELS, plane, where, (reader) => {
+      const ids = readObjects(reader, pixels);
+      if (!ids) throw corrupt("object ids name neighbours that are not there", where);
+      return ids;
+    });
+  }
+  const content = contentOf(plane, 4 * valid, where);
+  const ids = new Uint32Array(valid);
+  for (let k = 0, last = 0; k < valid; k++) {
+    const step = (content[k]! << 24) | (content[valid + k]! << 16) | (content[2 * valid + k]! << 8) | content[3 * valid + k]!;
+    ids[k] = last = (last + step) >>> 0;
+  }
+  return ids;
 }
 
 /** What `read` makes of a coded plane, if it reads all of it. */

@@ -25,7 +25,7 @@ export function boardModel(image: Texture, anisotropy: number): NearModel {
     geometry.dispose();
     map.dispose();
   };
-  return { parts: [{ geometry, surface, triangles: 2 }], placements: [], bytes: textureBytes(map) + bytesOf(geometry), dispose };
+  return { parts: [{ geometry, surface, triangles: 2, features: 0 }], placements: [], objects: null, bytes: textureBytes(map) + bytesOf(geometry), dispose };
 }
 
 function bytesOf({ attributes, index }: BufferGeometry): number {

@@ -1,10 +1,14 @@
 import type { BufferGeometry, Texture } from "three";
 
+/** (triangles,) number of the feature that each triangle is of, in as few bytes as it takes; a number: that of all. Not for the graphics card. */
+export type Features = Uint8Array | Uint16Array | Uint32Array | number;
+
 /** A surface of one material. */
 export interface NearPart {
   readonly geometry: BufferGeometry;
   readonly surface: NearSurface;
   readonly triangles: number;
+  readonly features: Features;
 }
 
 /** How a part looks before any light falls on it. */
@@ -31,7 +35,9 @@ export interface Placements {
 export interface NearModel {
   readonly parts: readonly NearPart[];
   readonly placements: readonly Placements[];
-  /** Bytes it takes on the graphics card, textures that others had before apart. */
+  /** (features,) object ids; null: the number of a feature is its id or, of a mesh that instances share, counted from theirs. */
+  readonly objects: Uint32Array | null;
+  /** Bytes it takes, most of them on the graphics card, textures that others had before apart. */
   readonly bytes: number;
   dispose(): void;
 }

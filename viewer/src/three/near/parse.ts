@@ -3,6 +3,7 @@ import { GLTFLoader, type GLTFParser } from "three/addons/loaders/GLTFLoader.js"
 import { checkGlb, glbOf, isCompressed } from "../../core/decode/glb.js";
 import { corrupt } from "../../core/errors.js";
 import { dracoLoader } from "./draco.js";
+import { featuresOf, mostOf } from "./features.js";
 import type { NearModel, NearPart, NearSurface, Placements } from "./model.js";
 import { textureBytes, type TextureShelf } from "./textures.js";
 
@@ -41,7 +42,9 @@ export async function parseNearModel(value: Uint8Array, where: string, shelf: Te
     const file = await loader.parseAsync(bytes.slice().buffer, "");
     const parts = partsOf(file.scene);
     const placements = await placementsOf(file.parser, file.scene.userData);
-    return modelOf(parts, placements, await Promise.all(own), release);
+    const objects = await objectsOf(file.parser, file.scene.userData);
+    if (objects && parts.some(({ features }) => mostOf(features) >= objects.length)) throw corrupt("a feature without an object id", where);
+    return modelOf(parts, placements, objects, await Promise.all(own), release);
   } catch (error) {
     release();
     if (error instanceof Error && error.name === "FarfieldError") throw error;
@@ -79,7 +82,8 @@ function partsOf(scene: Object3D): NearPart[] {
     const { geometry } = mesh;
     makeSmall(geometry);
     const vertices = geometry.index ?? geometry.getAttribute("position");
-    parts.push({ geometry, surface: surfaceOf(mesh.material, geometry), triangles: vertices.count / 3 });
+    const triangles = vertices.count / 3;
+    parts.push({ geometry, surface: surfaceOf(mesh.material, geometry), triangles, features: featuresOf(geometry, triangles) });
     mesh.material.dispose();
   });
   return parts;
@@ -113,7 +117,11 @@ export function surfaceOf(material: Material, geometry: BufferGeometry): NearSur
 }
 
 interface Extras {
-  readonly farfield?: { readonly instances?: readonly { mesh: string; transforms: number; objects: number }[] };
+  readonly farfield?: { readonly objects?: number; readonly instances?: readonly { mesh: string; transforms: number; objects: number }[] };
+}
+
+async function objectsOf(parser: GLTFParser, { farfield: { objects } = {} }: Extras): Promise<Uint32Array | null> {
+  return objects === undefined ? null : ((await parser.getDependency("accessor", objects)) as BufferAttribute).array as Uint32Array;
 }
 
 function placementsOf(parser: GLTFParser, extras: Extras): Promise<Placements[]> {
@@ -127,15 +135,18 @@ function placementsOf(parser: GLTFParser, extras: Extras): Promise<Placements[]>
   );
 }
 
-function modelOf(parts: NearPart[], placements: Placements[], textures: readonly Texture[], release: () => void): NearModel {
-  let bytes = 0;
-  for (const { geometry } of parts) {
-    // Ids of objects are for picking; they need no place on the card.
+function modelOf(
+  parts: NearPart[], placements: Placements[], objects: Uint32Array | null, textures: readonly Texture[], release: () => void,
+): NearModel {
+  let bytes = objects?.byteLength ?? 0;
+  for (const { geometry, features } of parts) {
+    // Features are for picking, which reads them where they are.
     for (const name of Object.keys(geometry.attributes)) {
       if (!["position", "normal", "uv", "color"].includes(name)) geometry.deleteAttribute(name);
     }
     for (const attribute of Object.values(geometry.attributes)) bytes += (attribute as BufferAttribute).array.byteLength;
     bytes += geometry.index?.array.byteLength ?? 0;
+    if (typeof features !== "number") bytes += features.byteLength;
   }
   for (const { transforms } of placements) bytes += transforms.byteLength;
   for (const texture of textures) bytes += textureBytes(texture);
@@ -143,5 +154,5 @@ function modelOf(parts: NearPart[], placements: Placements[], textures: readonly
     for (const { geometry } of parts) geometry.dispose();
     release();
   };
-  return { parts, placements, bytes, dispose };
+  return { parts, placements, objects, bytes, dispose };
 }
