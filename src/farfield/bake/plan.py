@@ -22,7 +22,7 @@ TRIANGLES_PER_LEAF = 10_000
 """What the default leaf size aims at, at least: fewer are cheaper drawn than the 100,000 pixels of a leaf's pictures.
 At 2,000 leaves a statue
 of a million triangles would be 68,000 tiles of a few hundred triangles each."""
-TRIANGLES_PER_BLOCKMAP = 384
+TRIANGLES_PER_BLOCKMAP = 300
 """The same where there are no orthoviews but BlockMaps: some twenty buildings, whose walls these have room for."""
 MOST_BLOCKMAPS = 1 << 18
 LARGEST_WORLD = 1 << 20
