@@ -5,7 +5,8 @@
     python benchmarks/bench_mesh_levels.py [--work DIR] [--cases tokyo,…] [--levels r,4r,16r] [--rows FILE]
 
 The three scenes of benchmarks/scenes.py, and Tokyo with façades of which no two are alike; trees and statues as
-instances and as copies. Farfield by free choice of pictures and geometry, and by pictures alone.
+instances and as copies. Farfield by free choice of pictures and geometry, and by pictures alone; Tokyo also from a
+world of BlockMaps in place of orthoviews, and from one of both.
 Both viewers have the same camera, 640 x 480, 2 x 2 samples, light and sky, and leave out what is nearer than r, 4 r or
 16 r. The link, 20 Mbit/s with a round trip of 40 ms, is cut after 0.5, 2, 8 and 32 MB of a world's or a tileset's bytes
 as they are sent (viewers' code apart): what has arrived is drawn and compared with the true picture; then time of a
@@ -24,7 +25,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from statistics import fmean, median
@@ -71,6 +72,12 @@ SETTLED = 8
 PATIENCE = 600.0
 """Seconds."""
 SKY = (158, 191, 235)
+REPRESENT: dict[str, dict[str, Any]] = {
+    "": {},
+    "BlockMaps": {"orthoviews": False, "blockmap": "64:256", "resolution": 64},
+    "all kinds": {"blockmap": "64:256"},
+}
+"""What worlds are called -> options of their bakes."""
 KEYS = ("scene", "level", "viewer", "camera", "limit")
 
 
@@ -85,12 +92,15 @@ class Show:
     instanced: bool = False
     pictures: bool = False
     """A world by pictures alone; else by whichever kind shows more for its bytes."""
+    represent: str = ""
+    """Of REPRESENT."""
 
     @property
     def name(self) -> str:
         """In the figures."""
         if self.kind == "world":
-            return "farfield, pictures" if self.pictures else "farfield"
+            parts = "farfield", self.represent, "pictures" if self.pictures else ""
+            return ", ".join(part for part in parts if part)
         return "tiles, instanced" if self.instanced else "tiles"
 
 
@@ -99,6 +109,11 @@ SHOWS = {
     + ((Show(name, "tiles", True),) if name in ("forest", "statues") else ())
     for name in ("tokyo", "tokyo-unique", "forest", "statues")
 }
+SHOWS["tokyo"] += (
+    Show("tokyo", "world", represent="BlockMaps"),
+    Show("tokyo", "world", pictures=True, represent="BlockMaps"),
+    Show("tokyo", "world", represent="all kinds"),
+)
 
 
 def run(quick: bool = False) -> dict[str, Any]:
@@ -132,7 +147,7 @@ def figures(
             key = {"scene": name, "level": level, "viewer": show.name, "camera": number}
             if _key(key) in done or (viewers and show.name not in viewers):
                 continue
-            shown = work / name if show.kind == "world" else tileset(case, show, work)
+            shown = world_of(case, show, work) if show.kind == "world" else tileset(case, show, work)
             folder = None if pictures is None else pictures / f"{name}-{level}-{show.name}"
             with opened_browser() as browser:
                 measured = one_camera(browser, shown, case, show, number, LIMITS, folder)
@@ -168,11 +183,22 @@ def case_of(name: str, level: str, work: Path, data: Path) -> Case:
     scene = make(base, data, work / "scenes")
     if name != base:
         scene = make_unique(scene, work / "scenes" / name, LEAF_SIZE[base])
-    world = baked(scene, work / name, BakeOptions(leaf_size=LEAF_SIZE[base], workers=1))
+    world = baked(scene, work / name, _options(name))
     up, end = LEVELS[level]
     path = read_path(FOLDER / "cameras" / f"{base}{end}.json")
     truths = work / f"{name}-truth-{ {'r': 'leaf', '4r': 'far', '16r': 'farther'}[level] }"
     return Case(scene, world, tuple(frame.camera for frame in path.frames), up, truths)
+
+
+def world_of(case: Case, show: Show, work: Path) -> Path:
+    """Folder of a world, baked if it is missing."""
+    folder = work / "-".join(part for part in (show.scene, show.represent.replace(" ", "-")) if part)
+    baked(case.scene, folder, replace(_options(show.scene), **REPRESENT[show.represent]))
+    return folder
+
+
+def _options(scene: str) -> BakeOptions:
+    return BakeOptions(leaf_size=LEAF_SIZE[scene.partition("-")[0]], workers=1)
 
 
 def tileset(case: Case, show: Show, work: Path) -> Path:

@@ -190,7 +190,7 @@ def test_counts_are_summed_over_batches(tmp_path: Path) -> None:
         "left out 4 features that are not areas",
         "left out 4 features without a shape",
         "repaired 4 footprints with self-crossing rings",
-        "left out 4 footprints without height; a default_height keeps them",
+        "left out 4 footprints without height (above 0 and below 2,000 m); a default_height keeps them",
     ]
 
 

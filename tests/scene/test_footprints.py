@@ -119,7 +119,7 @@ def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
         "left out 1 feature without a shape",
         "repaired 1 footprint with self-crossing rings",
         "left out 1 footprint of no area",
-        "left out 3 footprints without height; a default_height keeps them",
+        "left out 3 footprints without height (above 0 and below 2,000 m); a default_height keeps them",
     ]
     kept = read_scene([path], ReadOptions(default_height=7))
     assert kept.object_count == 5
@@ -149,8 +149,8 @@ def test_errors_say_what_where_and_what_to_try(tmp_path: Path) -> None:
     )
     empty = write(tmp_path / "b.fgb", [SQUARE], height=[np.nan])
     assert error_line(empty) == (
-        "b.fgb: holds no footprint that can be extruded; left out 1 footprint without height; a default_height keeps "
-        "them (check its shapes and heights)"
+        "b.fgb: holds no footprint that can be extruded; left out 1 footprint without height (above 0 and "
+        "below 2,000 m); a default_height keeps them (check its shapes and heights)"
     )
     nothing = tmp_path / "d.geojson"
     nothing.write_text('{"type": "FeatureCollection", "features": []}')

@@ -24,7 +24,7 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
     drawn: count(stats.splats_drawn),
     Triangles: count(stats.triangles + stats.moving_triangles),
     "Cells by level": levels.map(([level, n]) => `${level}: ${n}`).join("  ") || "–",
-    "Leaves as geometry": count(stats.geometry_cells),
+    "Cells by kind": kindsOf(stats),
     Received: size(stats.bytes),
     "by a session": stats.session || stats.pushed_bytes > 0 ? `${size(stats.pushed_bytes)}${stats.session ? "" : ", ended"}` : "–",
     "Now receiving": `${size(rate)}/s`,
@@ -32,6 +32,12 @@ export function figuresOf(stats: WorldStats, frameMs: number, rate: number): Rec
     Loading: stats.tiles_pending > 0 ? `${stats.tiles_pending} tiles` : "–",
     Missing: count(stats.tiles_missing),
   };
+}
+
+function kindsOf({ kinds: { orthoview, blockmap, geometry } }: WorldStats): string {
+  const named = { pictures: orthoview, BlockMaps: blockmap, geometry };
+  const there = Object.entries(named).filter(([, cells]) => cells > 0);
+  return there.map(([kind, cells]) => `${kind}: ${count(cells)}`).join("  ") || "–";
 }
 
 export function count(value: number): string {

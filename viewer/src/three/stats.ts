@@ -1,3 +1,5 @@
+import type { Plan } from "../core/plan.js";
+import type { ResourceKind } from "../core/resource.js";
 import type { Source } from "../core/source.js";
 import type { WorldOptions } from "./options.js";
 import type { Session } from "./session.js";
@@ -23,6 +25,8 @@ export interface WorldStats {
   readonly tiles: number;
   /** Cells drawn from pictures, by level. */
   readonly cells: Readonly<Record<number, number>>;
+  /** Cells by what they are drawn from, in the picture or not: of kinds that buy more for their bytes than others. */
+  readonly kinds: Readonly<Record<"orthoview" | "blockmap" | "geometry", number>>;
   /** Cells drawn as geometry: leaves, and cells above by geometry of their own. */
   readonly geometry_cells: number;
   /** Cells drawn in place of others that are not there. */
@@ -69,6 +73,7 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
   const { bytes, requests } = session?.traffic ?? source;
   const cells: Record<number, number> = {};
   for (const { cell } of plan?.pictures ?? []) cells[cell.level] = (cells[cell.level] ?? 0) + 1;
+  const kinds = kindsOf(plan);
   return {
     generation: session?.index.manifest.generation ?? 0,
     splats: splats?.culler?.drawn ?? 0,
@@ -81,7 +86,8 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     blockmap_calls: blockmaps?.stats.calls ?? 0,
     tiles: splats?.tiles ?? 0,
     cells,
-    geometry_cells: plan ? plan.geometry.length + plan.solids.length : 0,
+    kinds,
+    geometry_cells: kinds.geometry,
     stand_ins: plan?.standIns ?? 0,
     cut_cells: plan ? plan.cut.pictures.length + plan.cut.geometry.length : 0,
     bytes,
@@ -101,4 +107,11 @@ export function statsOf(session: Session | null, source: Source, options: WorldO
     uploaded_bytes: loader?.uploaded ?? 0,
     under_way: session?.underWay ?? 0,
   };
+}
+
+function kindsOf(plan: Plan | null): WorldStats["kinds"] {
+  const { pictures = [], geometry = [], solids = [] } = plan ?? {};
+  const drawn = [...pictures.map(({ tiles }) => tiles[0]!), ...solids.map(({ form }) => form.leaf)];
+  const of = (wanted: ResourceKind) => drawn.filter(({ kind }) => kind === wanted).length;
+  return { orthoview: of("orthoview"), blockmap: of("blockmap"), geometry: geometry.length + of("geometry") };
 }

@@ -15,7 +15,7 @@ from farfield.scene.footprints import order
 from farfield.scene.footprints.details import Form
 from farfield.scene.footprints.features import Features, by_place, centres_of, chunk_at
 from farfield.scene.footprints.form import form_of
-from farfield.scene.footprints.heights import named_column, numbers
+from farfield.scene.footprints.heights import TALLEST, named_column, numbers
 from farfield.scene.footprints.ogr import read_ogr, read_ogr_column
 from farfield.scene.footprints.order import split
 from farfield.scene.footprints.osm import read_osm
@@ -56,7 +56,8 @@ def read_footprints(path: Path, options: ReadOptions, batch: int = BATCH) -> Sce
     warnings += reports(faults, where)
     chosen = ~np.isnan(form.height[outlines.row])
     if lost := int((~chosen).sum()):
-        warnings.append(f"{where}: left out {counted(lost, 'footprint')} without height; a default_height keeps them")
+        what = f"{counted(lost, 'footprint')} without height (above 0 and below {TALLEST:,.0f} m)"
+        warnings.append(f"{where}: left out {what}; a default_height keeps them")
     if options.region is not None:
         chosen &= inside(centres_of(outlines.box), options.region)
     elif not chosen.any():
