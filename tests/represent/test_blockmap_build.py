@@ -201,6 +201,70 @@ def test_without_ground_there_is_nothing_beside_houses_and_walls_go_down_to_the_
     assert edge[..., WEST].sum() == edge[..., EAST].sum() > 0
 
 
+def with_roofs_apart(chunk: Chunk, overhang: float = 0.0) -> Chunk:
+    """The same with roofs that are objects of their own, and larger by a part of their size."""
+    corners = chunk.positions[chunk.triangles]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_roof = (across[:, 2] > 0.1 * np.linalg.norm(across, axis=1)) & (chunk.objects > 1)
+    objects = np.where(is_roof, chunk.objects + 100, chunk.objects).astype(np.uint32)
+    positions = chunk.positions.copy()
+    for one in np.unique(objects[is_roof]):
+        rows = np.unique(chunk.triangles[objects == one])
+        middle = (positions[rows, :2].max(axis=0) + positions[rows, :2].min(axis=0)) / 2
+        positions[rows, :2] += overhang * (positions[rows, :2] - middle)
+    return replace(chunk, objects=objects, positions=positions)
+
+
+@pytest.mark.parametrize("by_area", [False, True])
+@pytest.mark.parametrize("overhang", [0.0, 0.05])
+@pytest.mark.parametrize("ridge", [0.0, 12.0])
+@pytest.mark.parametrize("ground", [0.0, None])
+def test_walls_below_a_roof_that_is_an_object_of_its_own_are_walls(
+    by_area: bool, overhang: float, ridge: float, ground: float | None
+) -> None:
+    chunk = chunk_of([replace(LOW, ridge=ridge), replace(HIGH, turn=0.4)], ground=ground)
+    apart = with_roofs_apart(chunk, overhang)
+    whole = built(replace(apart, objects=chunk.objects), by_area)
+    found = built(apart, by_area)
+    assert found.floors is None or found.floors.max() <= 2
+    np.testing.assert_array_equal(found.unfolded.is_wall, whole.unfolded.is_wall)
+    assert (found.colors == whole.colors).mean() > 0.99
+
+
+def test_what_hangs_beside_a_house_has_a_floor() -> None:
+    """A bridge from house to house, and a roof on nothing."""
+    bridge = replace(LOW, middle=(64.0, 70.0), size=(14.0, 8.0), eaves=30.0)
+    houses = [HIGH, replace(HIGH, middle=(46.0, 70.0))]
+    found = built(merge([chunk_of(houses), raised(chunk_of([bridge], ground=None), 26.0, 50)]))
+    assert found.floors is not None
+    hanging = found.objects == 52
+    assert hanging.sum() >= 6
+    np.testing.assert_allclose(found.undersides[hanging], 26.0, atol=found.step)
+    assert (found.floors[~hanging] <= 2).all()
+
+
+def raised(chunk: Chunk, lowest: float, objects: int) -> Chunk:
+    """The same with walls that begin so high, and other object ids."""
+    positions = np.maximum(chunk.positions, np.float32([-np.inf, -np.inf, lowest]))
+    return replace(chunk, positions=positions, objects=chunk.objects + np.uint32(objects))
+
+
+def test_a_roof_just_below_the_cell_s_upper_side_is_a_roof() -> None:
+    under = replace(LOW, eaves=SQUARE.height * (1 - 1e-4))
+    found = built(chunk_of([under]))
+    inside = found.objects == 2
+    assert (np.abs(found.colors[:, :N][inside].astype(int) - [240, 100, 70]) <= 1).mean() > 0.9
+
+
+@pytest.mark.parametrize("span", [0.02, 0.1, 0.5, 3.0, 100.0])
+def test_whatever_is_high_or_low_walls_have_room(span: float) -> None:
+    """Of texels of 4 m; a chequerboard has the most walls."""
+    codes = np.where(np.add.outer(np.arange(N), np.arange(N)) % 2, 255, 1).astype(np.uint8)
+    frame = replace(built(chunk_of([LOW])), codes=codes, step=span / 254, floors=None, slopes=None)
+    for finest in (1, 2):
+        assert fitted_to(frame, 4.0, finest).unfolded.rows <= N
+
+
 def test_of_what_is_not_seen_from_above_there_is_none() -> None:
     from_below = chunk_of([], ground=3.0)
     standing = House((64.0, 48.0), (30.0, 22.0), 9.0).faces(0.0, 64.0)[0][:2]

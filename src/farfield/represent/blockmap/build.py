@@ -14,7 +14,7 @@ from farfield.kernels.project import project_orthographic
 from farfield.kernels.resolve import PLANES, resolve
 from farfield.kernels.walls import SAMPLES, find_walls, paint_walls
 from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, BlockMapSize, turns_of
-from farfield.represent.blockmap.caps import NO_OBJECT, inside_at_top
+from farfield.represent.blockmap.caps import CLOSE, NO_OBJECT, inside_at_top
 from farfield.represent.blockmap.unfolding import DENSITIES
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
@@ -31,6 +31,9 @@ TALL = (1.5, 1.0)
 """Texels for the height of a wall's texel that are tried, for each one across."""
 LOWEST_WALL = 0.25
 """Of a texel's width: what is lower has no texels of its own."""
+STANDS = 0.4
+"""Of what is open below a roof, at least, for it to stand on what is seen there: turned walls behind eaves fill 0.65 of it,
+a house beside one on posts 0.25."""
 _NOTHING = np.float32(-3.0e38)
 _INSIDE = np.float32(0.2)
 """Linear light of what is cut off above: it is seen only until that is there."""
@@ -78,8 +81,11 @@ def build_blockmap(
         size, low, step, codes, slopes, border, least, 0, 0, by_area,
         np.empty((0, 0, 3), np.uint8), np.empty(0, np.uint8), tops.objects,
     )  # fmt: skip
-    frame = replace(frame, floors=hanging(codes, border, _floors(chunk, tops.objects, low, step)))
-    fitted = fitted_to(frame, float(texel.mean()))
+    pitch = float(texel.mean())
+    floors = _floors(chunk, tops.objects, low, step)
+    if hanging(codes, border, floors) is not None:
+        floors = _down_to_walls(fitted_to(frame, pitch), floors, chunk, square)
+    fitted = fitted_to(replace(frame, floors=hanging(codes, border, floors)), pitch)
     return _painted(fitted, chunk, materials, square, tops.color)
 
 
@@ -100,10 +106,10 @@ def fitted_to(blockmap: BlockMap, texel: float, finest: int = FINEST) -> BlockMa
     found = blockmap
     for density, (across, sharing) in enumerate(DENSITIES):
         for tall in TALL:
-            scale = round(256 * blockmap.step * tall * across / sharing / texel)
-            if across > finest or scale < 1:
+            if across > finest:
                 continue
-            found = replace(blockmap, density=density, scale=min(scale, 65535))
+            scale = round(256 * blockmap.step * tall * across / sharing / texel)
+            found = replace(blockmap, density=density, scale=min(max(scale, 1), 65535))
             if found.unfolded.rows <= blockmap.size.side:
                 return found
     return replace(found, scale=1)
@@ -127,17 +133,48 @@ def _floors(chunk: Chunk, objects: NDArray[np.uint32], low: float, step: float) 
 
 def hanging(codes: NDArray[np.uint8], border: NDArray[np.uint8], floors: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
     """Floors, if any can be seen: what stands beside a texel, or the ground there, does not reach up to its own."""
-    n = len(codes)
-    beside = np.zeros((n, n, 4), np.int32)
-    beside[:, 1:, 0], beside[:, :-1, 1] = codes[:, :-1], codes[:, 1:]
-    beside[1:, :, 2], beside[:-1, :, 3] = codes[:-1], codes[1:]
-    inner = np.zeros((n, n, 4), bool)
-    inner[:, 1:, 0] = inner[:, :-1, 1] = inner[1:, :, 2] = inner[:-1, :, 3] = True
-    rim = np.zeros((n, n, 4), bool)
-    rim[:, 0, 0], rim[:, -1, 1], rim[0, :, 2], rim[-1, :, 3] = border.astype(bool)
-    lower = np.maximum(beside, 1)
-    seen = (codes[..., None] > lower) & (floors[..., None] > lower + 1) & (inner | rim)
-    return np.minimum(floors, codes) if seen.any() else None
+    return np.minimum(floors, codes) if _open_sides(codes, border, floors).any() else None
+
+
+def _open_sides(codes: NDArray[np.uint8], border: NDArray[np.uint8], floors: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(n, n, 4) sides below which there is something to be seen."""
+    lower = _beside(codes)
+    is_side = np.ones(lower.shape, bool)
+    is_side[:, 0, 0], is_side[:, -1, 1], is_side[0, :, 2], is_side[-1, :, 3] = border.astype(bool)
+    return (codes[..., None] > lower) & (floors[..., None] > lower + 1) & is_side
+
+
+def _beside(codes: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """(n, n, 4) of what is beside each side; at least 1, which is where walls end."""
+    found = np.ones((*codes.shape, 4), np.int32)
+    found[:, 1:, 0], found[:, :-1, 1] = codes[:, :-1], codes[:, 1:]
+    found[1:, :, 2], found[:-1, :, 3] = codes[:-1], codes[1:]
+    return np.maximum(found, 1)
+
+
+def _down_to_walls(frame: BlockMap, floors: NDArray[np.uint8], chunk: Chunk, square: Square) -> NDArray[np.uint8]:
+    """Floors of what stands on walls of whichever object lowered to where these end: roofs are often objects.
+
+    frame: without floors. An object stands on walls where these fill STANDS of what is open below its sides.
+    """
+    walls = _Walls.found_in(chunk, frame, square)
+    side = np.repeat(np.arange(len(walls.counts)), walls.counts)
+    height, half = walls.samples(side)
+    floor = (frame.low + (floors.astype(np.float64) - 1) * frame.step).reshape(-1)[side // 4]
+    below = _open_sides(frame.codes, frame.border, floors).reshape(-1)[side] & (height < floor)
+    is_wall = below & (walls.nearest > _NOTHING)
+    seen, there = (np.bincount(side[mask], minlength=len(walls.counts)) for mask in (below, is_wall))
+    lowest = np.full(len(walls.counts), np.inf)
+    np.minimum.at(lowest, side[is_wall], height[is_wall] - half[is_wall])
+    assert frame.objects is not None
+    ids, which = np.unique(frame.objects, return_inverse=True)
+    which = which.reshape(-1).repeat(4)
+    samples, standing = (np.bincount(which, many, len(ids)) for many in (seen, there))
+    end = np.full(len(ids), np.inf)
+    np.minimum.at(end, which, lowest)
+    ends = np.where(standing > STANDS * samples, end, np.inf)[which[::4]].reshape(floors.shape)
+    lowered = np.clip(np.floor((ends - frame.low) / frame.step), 0, CODES - 1).astype(np.uint8) + 1
+    return np.minimum(floors, lowered)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +207,8 @@ class _Tops:
         pixels, objects = pixels[::-1], objects[::-1]
         heights = np.where(pixels[..., 1] > 0, -pixels[..., 0], np.float32(np.nan))
         above = inside_at_top(chunk, square.height, shape, (square.width, square.depth))
-        goes_on = (above > 0) & ~(heights > square.height)
+        # What closes a building just there is a roof.
+        goes_on = (above > 0) & ~(heights > square.height * (1 - CLOSE))
         heights = np.where(goes_on, np.float32(square.height), heights)
         color = np.where(goes_on[..., None], _INSIDE, pixels[..., 3:6])
         middle = slice(TOP_SAMPLES // 2, None, TOP_SAMPLES)
@@ -231,40 +269,58 @@ def _walls_on_rim(chunk: Chunk, square: Square, side: int) -> NDArray[np.uint8]:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class _Walls:
+    """Which triangles samples of walls show, see kernels.walls."""
+
+    places: NDArray[np.int32]
+    """(4 n n, 3)"""
+    counts: NDArray[np.int64]
+    """(4 n n,) of samples."""
+    starts: NDArray[np.int32]
+    """(4 n n,)"""
+    ends: NDArray[np.float32]
+    """(4 n n, 2)"""
+    nearest: NDArray[np.float32]
+    """(samples,) _NOTHING: none."""
+    triangle: NDArray[np.int32]
+    """(samples,)"""
+    across: int
+
+    @classmethod
+    def found_in(cls, chunk: Chunk, blockmap: BlockMap, square: Square) -> _Walls:
+        own, n = blockmap.unfolded, blockmap.size.side
+        places, ends = own.places.reshape(-1, 3), ends_of(blockmap)
+        counts = places[:, 2].astype(np.int64) * SAMPLES * own.across * SAMPLES
+        starts = (np.cumsum(counts) - counts).astype(np.int32)
+        nearest, found = np.full(int(counts.sum()), _NOTHING), np.zeros(int(counts.sum()), np.int32)
+        find_walls(chunk.surface, places, starts, ends, n, own.across, square.texel(n), nearest, found)
+        return cls(places, counts, starts, ends, nearest, found, own.across)
+
+    def samples(self, side: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(samples,) metres of their middles, and half of their heights. side: of each."""
+        row = (np.arange(len(side)) - self.starts[side]) // (SAMPLES * self.across)
+        top, bottom = self.ends[side].astype(np.float64).T
+        each = (top - bottom) / (self.places[side, 2] * SAMPLES)
+        return np.asarray(top - (row + 0.5) * each), np.asarray(each / 2)
+
+
 def _painted(
     blockmap: BlockMap, chunk: Chunk, materials: MaterialTable, square: Square, tops: NDArray[np.uint8]
 ) -> BlockMap:
     """With the colours and normals of its walls."""
     n, m = blockmap.size.side, blockmap.size.columns
-    own = blockmap.unfolded
-    places = own.places.reshape(-1, 3)
-    heights = ends_of(blockmap)
-    walls = np.flatnonzero(places[:, 2]).astype(np.int32)
-    counts = places[:, 2].astype(np.int64) * SAMPLES * own.across * SAMPLES
-    starts = (np.cumsum(counts) - counts).astype(np.int32)
-    nearest, found = np.full(int(counts.sum()), _NOTHING), np.zeros(int(counts.sum()), np.int32)
-    texel = square.texel(n)
-    find_walls(chunk.surface, places, starts, heights, n, own.across, texel, nearest, found)
+    found = _Walls.found_in(chunk, blockmap, square)
+    walls = np.flatnonzero(found.places[:, 2]).astype(np.int32)
     sums, normals = np.zeros((n, m, 4), np.float32), np.zeros((4 * n * n, 3), np.float32)
     paint_walls(
-        chunk.surface,
-        materials.arrays,
-        walls,
-        places,
-        starts,
-        heights,
-        n,
-        own.across,
-        texel,
-        nearest,
-        found,
-        sums,
-        normals,
-    )
+        chunk.surface, materials.arrays, walls, found.places, found.starts, found.ends, n, found.across,
+        square.texel(n), found.nearest, found.triangle, sums, normals,
+    )  # fmt: skip
     painted = to_bytes(sums[..., :3] / np.maximum(sums[..., 3:], 1))
     image = fill_invalid(painted, sums[..., 3] > 0)
     colors = np.concatenate([tops, image], axis=1)
-    return replace(blockmap, colors=colors, turns=turns_of(own, normals))
+    return replace(blockmap, colors=colors, turns=turns_of(blockmap.unfolded, normals))
 
 
 def ends_of(blockmap: BlockMap) -> NDArray[np.float32]:
@@ -274,9 +330,6 @@ def ends_of(blockmap: BlockMap) -> NDArray[np.float32]:
     if not blockmap.by_area:
         whole = np.array([low + (CODES - 1) * step, low], np.float32)
         return np.broadcast_to(whole, (4 * n * n, 2)).copy()
-    beside = np.ones((n, n, 4), np.float32)
-    beside[:, 1:, 0], beside[:, :-1, 1] = codes[:, :-1], codes[:, 1:]
-    beside[1:, :, 2], beside[:-1, :, 3] = codes[:-1], codes[1:]
-    floors = np.ones((n, n)) if blockmap.floors is None else np.maximum(blockmap.floors, 1)
-    ends = np.stack([upper, np.maximum(beside, floors[..., None])], axis=-1)
+    floors = np.ones((n, n)) if blockmap.floors is None else blockmap.floors
+    ends = np.stack([upper, np.maximum(_beside(blockmap.codes), floors[..., None])], axis=-1)
     return np.ascontiguousarray((low + (ends - 1) * step).reshape(-1, 2), dtype=np.float32)

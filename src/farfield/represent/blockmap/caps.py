@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from farfield.kernels.caps import fill_inside
 from farfield.represent.chunk import Chunk
 
-_CLOSE = 2.0**-12
+CLOSE = 2.0**-12
 """Of the cell's height, from its upper side: what is nearer is cut by it."""
 _RIM = 2.0**-10
 """Of a cell of the grid."""
@@ -68,7 +68,7 @@ def _cut_walls(
     chunk: Chunk, height: float, scale: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """(k, 6) ends of the cuts of walls with the upper side, in cells of the grid, and their normals; (k,) objects."""
-    near = chunk.positions[:, 2] > height * (1 - _CLOSE)
+    near = chunk.positions[:, 2] > height * (1 - CLOSE)
     rows = np.flatnonzero(near[chunk.triangles].sum(axis=1) == 2)
     triangles = chunk.triangles[rows]
     corners = chunk.positions[triangles].astype(np.float64)
