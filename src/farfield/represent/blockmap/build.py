@@ -32,7 +32,7 @@ TALL = (1.5, 1.0)
 LOWEST_WALL = 0.25
 """Of a texel's width: what is lower has no texels of its own."""
 STANDS = 0.4
-"""Of what is open below a roof, at least, for it to stand on what is seen there: turned walls behind eaves fill 0.65 of it,
+"""Of what is open below a roof, at least, for it to stand on what is seen there: turned walls behind eaves fill 0.65,
 a house beside one on posts 0.25."""
 _NOTHING = np.float32(-3.0e38)
 _INSIDE = np.float32(0.2)
