@@ -4,7 +4,8 @@
     python benchmarks/bench_accuracy.py [SCENE ...] [--cells N] [--rows FILE]
 
 A cell alone, through a long lens, where a pixel is 2, 1, 1/4 and 1/16 times as wide as one of its own
-pictures, from two sides: drawn by its geometry in each form, by its pictures, and by those of the cells above it.
+pictures, from two sides: drawn by its geometry in each form, by its BlockMap, by its pictures, and by those of the
+cells above it.
 Measured, where the cell is: 1 - FLIP / FLIP of the sky alone, to it as full geometry. Told: what the scheduler takes
 for it. Their rank correlation (Spearman) over all kinds, distances and angles; goal .8. Scenes whose worlds are there
 (bench_quality). Quick: the town of the tests.
@@ -35,16 +36,18 @@ from farfield.quality.metrics import flip_map, psnr
 from farfield.store.directory import DirectoryStore
 from farfield.store.opening import open_store
 from farfield.stream.accuracy import loss_from, picture_accuracy
-from farfield.stream.forms import CellValues, merged_accuracy
+from farfield.stream.forms import CellValues, merged_accuracy, own_forms
 from farfield.stream.tree import NONE, CellTree
+from farfield.view.blockmaps import BlockMapPass
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
+from farfield.view.kinds import ShownForm
 from farfield.view.near import MergedPart, NearGeometry
 from farfield.view.picture import Picture
 from farfield.view.renderer import RenderOptions, chosen_tiles
 from farfield.view.shading import Light
 from farfield.view.tiles import TileCache, Wanted
-from farfield.world.index import CellEntry
+from farfield.world.index import BlockMapEntry, CellEntry
 from farfield.world.world import World
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -67,6 +70,9 @@ LIGHT = Light()
 LEAST_SHARE = 0.01
 """Of the picture that must be covered: the corner of a plane tells nothing."""
 
+FAMILIES = {"picture": "pictures", "blockmap": "BlockMaps"}
+"""Beside geometry."""
+
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -75,7 +81,7 @@ class Row:
     scene: str
     cell: str
     kind: str
-    """Of a cell so many levels up: picture+N; as geometry of its leaves: form N; of its own: merged N."""
+    """Of a cell so many levels up: picture+N; as geometry of its leaves: form N; of its own: merged N, blockmap."""
     width: float
     side: int
     told: float
@@ -93,7 +99,8 @@ def run(quick: bool = False) -> dict[str, Any]:
         return figures([name for name in SCENES if (WORK / name / "world.json").exists()], 3)
     with tempfile.TemporaryDirectory(prefix="farfield-accuracy-") as folder:
         store = DirectoryStore(Path(folder) / "world")
-        bake(town(), store, BakeOptions(leaf_size=16.0, resolution=64, directions="9", workers=1))
+        options = BakeOptions(leaf_size=16.0, resolution=64, directions="9", blockmap="16:64", workers=1)
+        bake(town(), store, options)
         return summary(list(rows_of("town", World.open(store), 1)))
 
 
@@ -115,7 +122,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     groups = {"all": list(rows)}
     for row in rows:
         groups.setdefault(row.scene, []).append(row)
-        groups.setdefault("pictures" if row.kind.startswith("picture") else "geometry", []).append(row)
+        groups.setdefault(FAMILIES.get(row.kind.split("+")[0], "geometry"), []).append(row)
     found = {}
     for name, own in groups.items():
         told, measured = (np.array([getattr(row, of) for row in own]) for of in ("told", "measured"))
@@ -230,18 +237,21 @@ class _Look:
             cell, up = above, up + 1
 
     def _merged(self) -> Iterator[tuple[str, float, Picture]]:
-        """Geometry of the cell's own, with the instances in it in full, which it does not show."""
+        """By its BlockMap, and geometry of its own with the instances in it in full, which that does not show."""
         tree, entry = self.tree, self.tree.entries[self.cell]
         forms = tree.merged(self.cell)
-        for n, (value, errors) in enumerate(zip(forms.values, forms.errors, strict=True)):
+        for n, (form, value, errors) in enumerate(zip(own_forms(entry), forms.values, forms.errors, strict=True)):
             told = merged_accuracy(errors, tree.errors[self.cell], np.full((1, 1), self.metres))
             drawing = self._drawing()
-            parts = [MergedPart(entry, leaf.cell, np.zeros(3)) for leaf in self._leaves()]
+            parts = [MergedPart(entry, form, leaf.cell, np.zeros(3)) for leaf in self._leaves()]
             drawing.reader.draw_merged(parts, drawing.batches, set(value.keys))
-            for leaf in self._leaves():
-                drawing.reader.draw_placed(leaf, drawing.batches)
+            is_map = isinstance(form, BlockMapEntry)
+            if not is_map:
+                for leaf in self._leaves():
+                    drawing.reader.draw_placed(leaf, drawing.batches)
             drawing.batches.flush()
-            yield f"merged {n}", float(told[0, 0]), drawing.frame.develop(LIGHT)
+            BlockMapPass(self.world, drawing.frame, LIGHT).draw(drawing.reader.maps)
+            yield "blockmap" if is_map else f"merged {n}", float(told[0, 0]), drawing.frame.develop(LIGHT)
 
     def _leaves(self) -> list[CellEntry]:
         return [self.tree.entries[leaf] for leaf in self.tree.leaves_below(self.cell)]
@@ -249,7 +259,7 @@ class _Look:
     def _geometry(self, held: Iterable[str]) -> Picture:
         """The leaves alone: what is held of their meshes shows in their neighbours too."""
         drawing = self._drawing()
-        drawing.reader.draw(self._leaves(), drawing.batches, set(held))
+        drawing.reader.draw(map(ShownForm, self._leaves()), drawing.batches, set(held))
         return drawing.frame.develop(LIGHT)
 
     def _drawing(self) -> _Drawing:

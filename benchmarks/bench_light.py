@@ -37,6 +37,7 @@ from farfield.scene.read import read_scene
 from farfield.serve.run import ServeOptions, serving
 from farfield.view.frame import Frame
 from farfield.view.geometry import Batches, GeometryPass
+from farfield.view.kinds import ShownForm
 from farfield.view.left_out import LeftOut
 from farfield.view.near import NearGeometry
 from farfield.view.picture import Picture
@@ -116,7 +117,8 @@ def leaves_between(case: Case, camera: Camera) -> list[CellEntry]:
 def as_geometry(case: Case, camera: Camera, leaves: Sequence[CellEntry], light: Light) -> Picture:
     """Those leaves alone, as triangles."""
     frame = Frame.empty(camera, case.size, SAMPLES)
-    NearGeometry(case.world, np.array(camera.eye)).draw(leaves, Batches(GeometryPass(frame, light)))
+    reader = NearGeometry(case.world, np.array(camera.eye))
+    reader.draw(map(ShownForm, leaves), Batches(GeometryPass(frame, light)))
     return frame.develop(light)
 
 

@@ -16,7 +16,7 @@ NAMES = sorted(path.stem.removeprefix(PREFIX) for path in FOLDER.glob(f"{PREFIX}
 
 
 ALONE = ("mesh_levels", "page", "standing", "steady", "webgpu")
-IN_A_BROWSER = ("bandwidth", "culling", "flight", "frames", "growth", "light", *ALONE)
+IN_A_BROWSER = ("bandwidth", "city", "culling", "flight", "frames", "growth", "light", *ALONE)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in IN_A_BROWSER])

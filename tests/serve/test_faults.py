@@ -370,7 +370,7 @@ def test_hostile_messages_end_their_own_sessions_and_leave_nothing(
             _be_served(url)
             rounds += 1
         assert heard[0] > count
-        assert rounds > 1
+        assert rounds > 0
         until(lambda: made[0].sessions == 0)
         until(lambda: made[0].tasks() <= 1 + 1)
         # The pool that reads values has 40.
