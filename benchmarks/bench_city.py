@@ -1,7 +1,7 @@
 """A city in the page, by BlockMaps and as all its geometry: frames, bytes and pictures (BLK 5).
 
     farfield bench city [--quick] [--json]
-    python benchmarks/bench_city.py [--work DIR] [--data DIR] [--views whole,roofs,street]
+    python benchmarks/bench_city.py [--work DIR] [--data DIR] [--views whole,roofs,street] [--plot FILE]
 
 The 80,414 buildings of `cities.py`, baked with `--represent blockmap,geometry`. For each view a page of its own with an
 empty cache, 640 x 480, 2 x 2 samples: bytes of all that came until the first complete picture and seconds until then,
@@ -94,7 +94,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 def figures(work: Path, data: Path, views: Sequence[str]) -> dict[str, Any]:
     """Of all views, and the rates."""
     scene = make("city", data, work / "scenes")
-    world = baked(scene, work / "city", BakeOptions(orthoviews=False, blockmap="64:256", resolution=64))
+    world = baked(scene, work / "city", options_of_a_city())
     found: dict[str, Any] = {}
     with opened_browser() as browser:
         found["views"] = seen(browser, world, read_scene([scene]), views, work / "city-pictures")
@@ -108,9 +108,42 @@ def figures(work: Path, data: Path, views: Sequence[str]) -> dict[str, Any]:
             if size == "64:256":
                 levels = {f"{bias:+.0f}": MAPS | {"bias": bias} for bias in BIASES}
                 found["rates by level"] = {n: rates(browser, own, AWAY, chosen) for n, chosen in levels.items()}
-    with opened_browser() as browser:
-        found["rates"]["geometry"] = rates(browser, world, AWAY, MODES["geometry"])
+    quarter = baked(make("quarter", data, work / "scenes"), work / "quarter", options_of_a_city())
+    for name, own in (("geometry", world), ("geometry of a quarter", quarter)):
+        with opened_browser() as browser:
+            found["rates"][name] = rates(browser, own, AWAY, MODES["geometry"])
     return found
+
+
+def options_of_a_city() -> BakeOptions:
+    """As a user has it without options of their own but `--represent blockmap,geometry`."""
+    return BakeOptions(orthoviews=False, blockmap="64:256", resolution=64)
+
+
+def plot(found: dict[str, Any], file: Path) -> None:
+    """Milliseconds a frame over pixels that the city covers: by size of BlockMaps, and by level."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, panels = pyplot.subplots(1, 2, figsize=(10, 4), dpi=100, sharex=True)
+    levels = {f"64:256, bias {bias}": rows for bias, rows in found["rates by level"].items()}
+    for axes, curves in zip(panels, (found["rates"], levels), strict=True):
+        for name, rows in curves.items():
+            style = "--" if name.startswith("geometry") else "-"
+            axes.plot(
+                [row["pixels"] for row in rows],
+                [row["frame_ms"] for row in rows],
+                f"o{style}",
+                label=name,
+                markersize=3,
+            )
+        axes.set(xscale="log", yscale="log", xlabel="pixels that the city covers", ylabel="milliseconds a frame")
+        axes.grid(alpha=0.3, which="both")
+        axes.legend(fontsize=8)
+    figure.tight_layout()
+    figure.savefig(file)
 
 
 def baked(scene: Path, folder: Path, options: BakeOptions) -> World:
@@ -199,8 +232,12 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=WORK)
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--views", default=",".join(VIEWS))
+    parser.add_argument("--plot", type=Path)
     given = parser.parse_args()
-    print(json.dumps(figures(given.work, given.data, given.views.split(",")), indent=2))
+    found = figures(given.work, given.data, given.views.split(","))
+    print(json.dumps(found, indent=2))
+    if given.plot:
+        plot(found, given.plot)
 
 
 if __name__ == "__main__":

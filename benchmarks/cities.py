@@ -1,10 +1,10 @@
 """Tokyo as scenes for BlockMaps, written from `tokyo23_lod1`: footprints with heights on a plane of asphalt.
 
-    python benchmarks/cities.py DATA OUTPUT [city|wards|unique ...]
+    python benchmarks/cities.py DATA OUTPUT [city|quarter|wards|unique ...]
 
 wards: all 1,768,200 buildings of the 23 wards. city: 80,414 of them, as many as the paper's Paris has, those in the
-square round Tokyo Station that holds so many. unique: the same with a façade of its own for each. The same input gives
-the same scenes.
+square round Tokyo Station that holds so many. quarter: a quarter of these. unique: the same 80,414 with a façade of its
+own for each. The same input gives the same scenes.
 """
 
 from __future__ import annotations
@@ -41,6 +41,11 @@ def city(data: Path, folder: Path) -> Path:
     return _scene(data, folder, PARIS)
 
 
+def quarter(data: Path, folder: Path) -> Path:
+    """A quarter as many. Returns the scene.toml."""
+    return _scene(data, folder, PARIS // 4)
+
+
 def unique(data: Path, folder: Path) -> Path:
     """The same with unique façades. Returns the scene.toml."""
     return _scene(data, folder, PARIS, 'facades = "unique"')
@@ -65,7 +70,7 @@ def _scene(data: Path, folder: Path, count: int | None, *keys: str) -> Path:
     ])  # fmt: skip
 
 
-SCENES: dict[str, Callable[[Path, Path], Path]] = {"city": city, "wards": wards, "unique": unique}
+SCENES: dict[str, Callable[[Path, Path], Path]] = {"city": city, "quarter": quarter, "wards": wards, "unique": unique}
 
 
 def make(name: str, data: Path, output: Path) -> Path:
