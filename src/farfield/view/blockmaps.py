@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,8 @@ from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.kernels.leaps import LEAPS, leaps
 from farfield.kernels.raycast import cast_rays
 from farfield.octree.grid import CellKey
-from farfield.represent.blockmap.blockmap import STEEP, BlockMap
-from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
+from farfield.represent.blockmap.blockmap import CODES, STEEP, BlockMap
+from farfield.represent.blockmap.coding import decode_blockmap, with_objects
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
 from farfield.world.index import BlockMapEntry, CellEntry
@@ -86,18 +86,20 @@ class CastableMap:
 
 
 class BlockMapPass:
-    """Draws BlockMaps of a world into a frame, after all else; each is read once."""
+    """Draws BlockMaps of a world into a frame, after all else; each is read once, and kept until it was drawn last."""
 
     def __init__(self, world: World, frame: Frame, light: Light) -> None:
         self._world, self._frame, self._light = world, frame, light
         self._maps: dict[str, CastableMap] = {}
+        """Half a megabyte each."""
         self.bytes = 0
         """Encoded size of everything read so far."""
 
-    def draw(self, draws: Iterable[MapDraw]) -> tuple[int, int]:
+    def draw(self, draws: Sequence[MapDraw]) -> tuple[int, int]:
         """Returns how many were drawn, and how many cannot be read."""
         drawn = unreadable = 0
-        for one in draws:
+        last = {one.key: number for number, one in enumerate(draws)}
+        for number, one in enumerate(draws):
             try:
                 castable = self._castable(one)
             except CorruptTileError:
@@ -108,6 +110,8 @@ class BlockMapPass:
             box = None if one.box is None else one.box + moved
             draw_blockmap(self._frame, castable, corner + moved, self._light, box)
             drawn += 1
+            if last[one.key] == number:
+                del self._maps[one.key]
         return drawn, unreadable
 
     def _castable(self, one: MapDraw) -> CastableMap:
@@ -116,10 +120,7 @@ class BlockMapPass:
             if self._frame.objects.size:
                 ids = blockmap_objects_key(one.cell, one.key[-16:])
                 with contextlib.suppress(MissingKeyError):
-                    objects = decode_objects(self._world.store.get(ids), ids)
-                    if objects.shape != blockmap.codes.shape:
-                        raise CorruptTileError("object ids of another BlockMap", ids, "run farfield verify")
-                    blockmap = blockmap.with_objects(objects)
+                    blockmap = with_objects(blockmap, self._world.store.get(ids), ids)
             self._maps[one.key] = CastableMap.of(blockmap, self._world.grid.cell_size(one.cell.level))
         return self._maps[one.key]
 
@@ -192,7 +193,7 @@ def draw_blockmap(
             own.places, castable.azimuths, blockmap.colors, ids,
             np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
             light.sun.astype(np.float32), x0, y0, own.across, blockmap.by_area,
-            blockmap.low, blockmap.low + 254 * blockmap.step, depth, surface, normal, objects,
+            blockmap.low, blockmap.low + (CODES - 1) * blockmap.step, depth, surface, normal, objects,
         )
     )  # fmt: skip
     if drawn:

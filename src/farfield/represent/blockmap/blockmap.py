@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from farfield.errors import OptionError
 from farfield.represent.blockmap.unfolding import Unfolded, unfolded
 
+CODES = 255
+"""Heights that there are, from code 1 on."""
 STEEP = 32
 """Steps of a slope for a rise of 1."""
 STEEPEST = 127
@@ -100,10 +102,6 @@ class BlockMap:
         """The same with normals of its walls."""
         return replace(self, turns=turns)
 
-    def with_objects(self, objects: NDArray[np.uint32]) -> BlockMap:
-        """The same with object ids."""
-        return replace(self, objects=objects)
-
     @property
     def heights(self) -> NDArray[np.float32]:
         """(n, n) metres from the cell's lower corner in the middle of each texel; NaN: nothing there."""
@@ -115,19 +113,6 @@ class BlockMap:
         """(n, n) metres from the cell's lower corner down to which what stands in a texel goes."""
         floors = np.ones_like(self.codes) if self.floors is None else np.maximum(self.floors, 1)
         return (self.low + (floors.astype(np.float32) - 1) * np.float32(self.step)).astype(np.float32)
-
-    def geometric_error(self, width: float, depth: float) -> float:
-        """Half of a voxel's diagonal, metres: no point of it is farther from what it was built from (BLK 3.3).
-
-        A voxel is a texel wide and a step high, or, where tops slope, as high as they rise from corner to corner: a
-        plane goes on beyond a ridge or eaves to the end of its texel.
-        width, depth: of the square, metres.
-        """
-        n = self.size.side
-        texel, rise = np.array([width, depth]) / n, 0.0
-        if self.slopes is not None:
-            rise = float((np.abs(self.slopes.astype(np.float64)) / STEEP @ texel).max())
-        return float(np.sqrt((texel**2).sum() + (self.step + rise) ** 2) / 2)
 
 
 def turns_of(own: Unfolded, normals: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,17 +81,23 @@ def decode_blockmap(data: bytes, where: str) -> BlockMap:
         if not plain[: n * n].any():
             raise CorruptTileError("BlockMap of nothing", where, _HINT)
         bits = np.unpackbits(plain[n * n : n * n + n // 2], bitorder="little").reshape(4, n)
-        floors = plain[n * n + n // 2 :].reshape(n, n).copy() if floored else None
+        codes, floors = plain[: n * n], plain[n * n + n // 2 :]
+        if floored and (floors > codes).any():
+            raise CorruptTileError("BlockMap has floors above its tops", where, _HINT)
         sloped = None
         if flags & SLOPED:
             sloped = np.frombuffer(inflate(slopes, 2 * n * n), np.int8).reshape(2, n, n).transpose(1, 2, 0).copy()
         found = BlockMap(
-            size, low, step, plain[: n * n].reshape(n, n).copy(), sloped, bits, least, density, scale,
-            bool(flags & BY_AREA), webp.decode(colors, n + columns, n, where), np.empty(0, np.uint8), floors=floors,
+            size, low, step, codes.reshape(n, n).copy(), sloped, bits, least, density, scale,
+            bool(flags & BY_AREA), webp.decode(colors, n + columns, n, where), np.empty(0, np.uint8),
+            floors=floors.reshape(n, n).copy() if floored else None,
         )  # fmt: skip
         if found.unfolded.rows > n:
             raise CorruptTileError("BlockMap has more walls than its image", where, _HINT)
-        return found.with_turns(np.frombuffer(inflate(turns, len(found.unfolded.sides)), np.uint8) % TURNS)
+        normals = np.frombuffer(inflate(turns, len(found.unfolded.sides)), np.uint8)
+        if (normals >= TURNS).any():
+            raise CorruptTileError("BlockMap has walls turned too far", where, _HINT)
+        return found.with_turns(normals.copy())
     except zlib.error as error:
         raise CorruptTileError(f"BlockMap is damaged: {error}", where, _HINT) from None
 
@@ -110,6 +117,14 @@ def encode_objects(objects: NDArray[np.uint32]) -> bytes:
     content = _deflated(ids.astype("<u4").tobytes(), numbers[:, 0].tobytes(), numbers[:, 1].tobytes())
     head = _OBJECTS.pack(OBJECTS_MAGIC, VERSION, objects.shape[0], 0, len(ids), 0)
     return head[:-4] + struct.pack("<I", zlib.crc32(head + content)) + content
+
+
+def with_objects(blockmap: BlockMap, data: bytes, where: str) -> BlockMap:
+    """The same with its object ids. Raises CorruptTileError for anything else, and for those of another size."""
+    objects = decode_objects(data, where)
+    if objects.shape != blockmap.codes.shape:
+        raise CorruptTileError("object ids of another BlockMap", where, _HINT)
+    return replace(blockmap, objects=objects)
 
 
 def decode_objects(data: bytes, where: str) -> NDArray[np.uint32]:
