@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from bake.scenes import box, contents, ground, scene_of
 from bake.test_region import BUILDINGS, REGION, changed, whole_world, write
 from farfield.bake.bake import bake
+from farfield.bake.context import BakeContext
 from farfield.bake.options import BakeOptions
 from farfield.errors import OptionError
 from farfield.geometry.cameras import Camera
@@ -85,6 +87,24 @@ def test_a_single_image_is_the_same_file_as_ever() -> None:
     assert isinstance(with_, MemoryStore)
     keys = [key for key in with_.list() if not key.startswith("record/")]
     assert {key: with_.get(key) for key in keys} == {key: without.get(key) for key in keys}
+
+
+@pytest.mark.parametrize("fewest", [0, 1 << 30])
+def test_atlases_are_forgotten_with_their_leaf(fewest: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of leaves with levels, and of those that are too small for any."""
+    monkeypatch.setattr("farfield.bake.near.FEWEST_BYTES", fewest)
+    made: list[BakeContext] = []
+    begin = BakeContext.__init__
+
+    def noted(self: BakeContext, *arguments: Any) -> None:
+        begin(self, *arguments)
+        made.append(self)
+
+    monkeypatch.setattr(BakeContext, "__init__", noted)
+    world = baked(1024)
+    assert any(entry.geometry and entry.geometry.textures for entry in CellTree.of(world).entries)
+    assert made
+    assert not any(context._images for context in made)
 
 
 def test_sides_that_make_no_sense() -> None:

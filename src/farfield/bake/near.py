@@ -69,17 +69,7 @@ def near_geometry(
     full, data = made.form(chunk, 0, 0)
     made.keep(full, data)
     instances = instances_in(context, key, position, shared)
-    if _size(full) <= FEWEST_BYTES:
-        return NearGeometry(_entry(full, ()), instances, made.files, opaque)
-    # Where there are BlockMaps alone these stand in for what is far, for fewer bytes than simplified buildings.
-    simplified = context.job.options.orthoviews
-    forms: tuple[Form, ...] = forms_of(chunk, materials.table, simplified) if chunk is not None else ()
-    listed = [_Part(forms, forms[0].extent)] if forms else []
-    for mesh in shared:
-        scale = np.cbrt(np.abs(np.linalg.det(_transforms(context, position, mesh)[:, :, :3])))
-        of = context.mesh_forms(mesh)
-        listed.append(_Part(of, float(of[0].extent * scale.mean()), len(scale)))
-    levels = made.levels(full, listed, context.grid.pitch(0))
+    levels = () if _size(full) <= FEWEST_BYTES else made.levels(full, made.parts(chunk), context.grid.pitch(0))
     if atlased is not None:
         context.forget(atlased.texture)
     return NearGeometry(_entry(full, levels), instances, made.files, opaque)
@@ -116,6 +106,18 @@ class _Made:
         needs = files, tuple(sorted(images.items()))
         level = GeometryLevel(name, len(data), triangles, sum(counts), *needs, errors, drawn)
         return level, data
+
+    def parts(self, chunk: Chunk | None) -> list[_Part]:
+        """What has levels: the leaf's own triangles, if there are any, then each mesh that is placed in it."""
+        # Where there are BlockMaps alone these stand in for what is far, for fewer bytes than simplified buildings.
+        simplified = self.context.job.options.orthoviews
+        forms: tuple[Form, ...] = forms_of(chunk, self.materials.table, simplified) if chunk is not None else ()
+        found = [_Part(forms, forms[0].extent)] if forms else []
+        for mesh in self.shared:
+            scale = np.cbrt(np.abs(np.linalg.det(_transforms(self.context, self.position, mesh)[:, :, :3])))
+            of = self.context.mesh_forms(mesh)
+            found.append(_Part(of, float(of[0].extent * scale.mean()), len(scale)))
+        return found
 
     def keep(self, form: GeometryLevel, data: bytes) -> None:
         """Stores one, with all that it needs."""
