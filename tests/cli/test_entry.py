@@ -99,6 +99,24 @@ def test_wrong_calls(capsys: pytest.CaptureFixture[str], arguments: list[str], c
     assert "--help" in captured.err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--resolution", "0"], "--resolution: 0 is not a resolution"),
+        (["--leaf-size", "0"], "--leaf-size: 0.0 is not a leaf size"),
+        (["--blockmap", "64:256"], "--blockmap: no BlockMaps are asked for"),
+        (["--blockmap", "", "--represent", "blockmap"], "--blockmap: '' is not a size of BlockMaps"),
+        (["--represent", "geometry"], "--represent: cannot represent by nothing for what is far"),
+    ],
+)
+def test_bakes_that_cannot_be(capsys: pytest.CaptureFixture[str], arguments: list[str], complaint: str) -> None:
+    assert main(["bake", "city.glb", "-o", "city", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"farfield: {complaint}")
+    assert captured.err.count("\n") == 1
+
+
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"farfield {__version__}\n"

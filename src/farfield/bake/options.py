@@ -25,7 +25,7 @@ class BakeOptions:
     """Options of `bake`. Raises OptionError when a value cannot be used."""
 
     leaf_size: float | None = None
-    """Edge of a leaf, metres; None: the smallest power of two that gives at most 2,000 occupied leaves."""
+    """Edge of a leaf, metres; None: see plan.default_leaf_size."""
     resolution: int = 512
     """Pixels of an orthoview across a leaf's edge, a multiple of 8."""
     directions: str = "17"

@@ -23,7 +23,11 @@ WorldOption = Annotated[
 ]
 LeafSizeOption = Annotated[
     float | None,
-    typer.Option(metavar="M", help="Edge of a leaf cell, metres; default: at most 2,000 occupied leaves."),
+    typer.Option(
+        metavar="M",
+        help="Edge of a leaf cell, metres; default: the smallest power of two with at most 2,000 occupied leaves and "
+        "at least 10,000 triangles in one; of BlockMaps alone 262,144 and 300.",
+    ),
 ]
 ResolutionOption = Annotated[
     int | None,
@@ -38,12 +42,17 @@ LayersOption = Annotated[int, typer.Option(metavar="1|2", help="Depth layers of 
 RepresentOption = Annotated[
     str, typer.Option(metavar="A,B", help="Representations: orthoview, blockmap, or both, and geometry.")
 ]
-BlockmapOption = Annotated[str, typer.Option(metavar="N:M", help="Size of BlockMaps: 16:64, 32:192 or 64:256.")]
+BlockmapOption = Annotated[
+    str | None,
+    typer.Option(metavar="N:M", help="Size of BlockMaps: 16:64, 32:192 or 64:256; default: 64:256."),
+]
 WorkersOption = Annotated[int, typer.Option(metavar="N", min=0, help="Worker processes; 0: one a processor.")]
 SchedulerOption = Annotated[
     str, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers bake instead, such as tcp://host:8786.")
 ]
 QualityOption = Annotated[str, typer.Option(metavar="PRESET", help="compact, normal or high.")]
+_BLOCKMAP = "64:256"
+"""The size of BlockMaps unless told."""
 
 
 def command(
@@ -54,7 +63,7 @@ def command(
     directions: DirectionsOption = "17",
     depth_layers: LayersOption = 2,
     represent: RepresentOption = "orthoview,geometry",
-    blockmap: BlockmapOption = "64:256",
+    blockmap: BlockmapOption = None,
     workers: WorkersOption = 0,
     scheduler: SchedulerOption = "",
     quality: QualityOption = "normal",
@@ -65,9 +74,10 @@ def command(
     from farfield.pipeline import bake_sources
 
     kinds = _kinds(represent)
+    size = _blockmap_size(kinds, blockmap)
     options = BakeOptions(
         leaf_size=leaf_size,
-        resolution=resolution or default_resolution("orthoview" in kinds, blockmap),
+        resolution=default_resolution("orthoview" in kinds, size) if resolution is None else resolution,
         directions=directions,
         depth_layers=depth_layers,
         quality=quality,
@@ -75,7 +85,7 @@ def command(
         scheduler=scheduler,
         orthoviews="orthoview" in kinds,
         geometry="geometry" in kinds,
-        blockmap=blockmap if "blockmap" in kinds else "",
+        blockmap=size,
     )
     with shown_progress() as progress:
         facts = bake_sources(sources, output, options, progress)
@@ -91,6 +101,16 @@ def _kinds(represent: str) -> set[str]:
         what = f"cannot represent by {', '.join(sorted(unknown)) or 'nothing for what is far'}"
         raise OptionError(what, "--represent", "orthoview, blockmap, or both, and geometry, with commas between them")
     return names
+
+
+def _blockmap_size(kinds: set[str], told: str | None) -> str:
+    from farfield.errors import OptionError
+
+    if "blockmap" in kinds:
+        return _BLOCKMAP if told is None else told
+    if told is not None:
+        raise OptionError("no BlockMaps are asked for", "--blockmap", "leave it out, or add blockmap to --represent")
+    return ""
 
 
 def _summary(facts: dict[str, Any], output: str) -> str:
