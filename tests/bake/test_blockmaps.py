@@ -16,7 +16,7 @@ from farfield.bake.repair import forget
 from farfield.geometry.color import LINEAR_OF_BYTE, srgb_from_linear
 from farfield.octree.grid import CellKey
 from farfield.represent.blockmap.blockmap import SIZES, BlockMap
-from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
+from farfield.represent.blockmap.coding import decode_blockmap, with_objects
 from farfield.scene.model import Material, Mesh, Scene
 from farfield.store.archive import ArchiveStore
 from farfield.store.archive.writer import writing_archive
@@ -108,7 +108,7 @@ def read(store: Store, entry: CellEntry) -> BlockMap:
     assert entry.blockmap is not None
     key, ids = (make(entry.cell, entry.blockmap.hash) for make in (blockmap_key, blockmap_objects_key))
     found = decode_blockmap(store.get(key), key)
-    return found.with_objects(decode_objects(store.get(ids), ids)) if store.exists(ids) else found
+    return with_objects(found, store.get(ids), ids) if store.exists(ids) else found
 
 
 def test_every_cell_has_one_and_tells_what_it_is_like(store: MemoryStore) -> None:

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError, OptionError
 from farfield.represent.blockmap.blockmap import SIZES, BlockMap, BlockMapSize
-from farfield.represent.blockmap.coding import decode_blockmap, decode_objects, encode_blockmap, encode_objects
+from farfield.represent.blockmap.coding import (
+    decode_blockmap,
+    decode_objects,
+    encode_blockmap,
+    encode_objects,
+    with_objects,
+)
 from fuzz.shells import deflated, sealed
 from represent.random_maps import random_map
 
@@ -149,6 +155,15 @@ def test_object_ids_that_name_none_of_those_that_are_listed() -> None:
         checksum = zlib.crc32(data[:12] + bytes(4) + body)
         with pytest.raises(CorruptTileError):
             decode_objects(data[:12] + struct.pack("<I", checksum) + body, "")
+
+
+def test_object_ids_of_a_blockmap_of_another_size() -> None:
+    made = random_map(1, True, True)
+    own = encode_objects(objects_of(made))
+    np.testing.assert_array_equal(objects_of(with_objects(decode_blockmap(SOUND, ""), own, "")), made.objects)
+    other = encode_objects(np.ones((32, 32), np.uint32))
+    with pytest.raises(CorruptTileError, match="another BlockMap"):
+        with_objects(made, other, "")
 
 
 def test_sizes_are_those_of_the_paper_and_no_others() -> None:

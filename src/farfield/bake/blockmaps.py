@@ -16,7 +16,7 @@ from farfield.bake.likeness import FARTHER, FormErrors, PlacedMap, map_loss, sig
 from farfield.octree.grid import CellKey
 from farfield.represent.blockmap.blockmap import BlockMap, BlockMapSize
 from farfield.represent.blockmap.build import Square, build_blockmap
-from farfield.represent.blockmap.coding import decode_blockmap, decode_objects, encode_blockmap, encode_objects
+from farfield.represent.blockmap.coding import decode_blockmap, encode_blockmap, encode_objects, with_objects
 from farfield.represent.blockmap.parent import ChildMap, build_parent
 from farfield.represent.chunk import Chunk
 from farfield.represent.materials import MaterialTable
@@ -121,7 +121,7 @@ def _read(context: BakeContext, cell: BakedCell, entry: BlockMapEntry) -> BlockM
     if not context.job.options.object_ids:
         return found
     ids = blockmap_objects_key(cell.key, entry.hash)
-    return found.with_objects(decode_objects(cell.file_from(context.store, ids), ids))
+    return with_objects(found, cell.file_from(context.store, ids), ids)
 
 
 def _child(context: BakeContext, key: CellKey, cell: BakedCell, blockmap: BlockMap) -> ChildMap:

@@ -14,7 +14,7 @@ from farfield.kernels.leaps import LEAPS, leaps
 from farfield.kernels.raycast import cast_rays
 from farfield.octree.grid import CellKey
 from farfield.represent.blockmap.blockmap import STEEP, BlockMap
-from farfield.represent.blockmap.coding import decode_blockmap, decode_objects
+from farfield.represent.blockmap.coding import decode_blockmap, with_objects
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
 from farfield.world.index import BlockMapEntry, CellEntry
@@ -116,10 +116,7 @@ class BlockMapPass:
             if self._frame.objects.size:
                 ids = blockmap_objects_key(one.cell, one.key[-16:])
                 with contextlib.suppress(MissingKeyError):
-                    objects = decode_objects(self._world.store.get(ids), ids)
-                    if objects.shape != blockmap.codes.shape:
-                        raise CorruptTileError("object ids of another BlockMap", ids, "run farfield verify")
-                    blockmap = blockmap.with_objects(objects)
+                    blockmap = with_objects(blockmap, self._world.store.get(ids), ids)
             self._maps[one.key] = CastableMap.of(blockmap, self._world.grid.cell_size(one.cell.level))
         return self._maps[one.key]
 

@@ -100,10 +100,6 @@ class BlockMap:
         """The same with normals of its walls."""
         return replace(self, turns=turns)
 
-    def with_objects(self, objects: NDArray[np.uint32]) -> BlockMap:
-        """The same with object ids."""
-        return replace(self, objects=objects)
-
     @property
     def heights(self) -> NDArray[np.float32]:
         """(n, n) metres from the cell's lower corner in the middle of each texel; NaN: nothing there."""

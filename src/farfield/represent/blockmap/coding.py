@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +111,14 @@ def encode_objects(objects: NDArray[np.uint32]) -> bytes:
     content = _deflated(ids.astype("<u4").tobytes(), numbers[:, 0].tobytes(), numbers[:, 1].tobytes())
     head = _OBJECTS.pack(OBJECTS_MAGIC, VERSION, objects.shape[0], 0, len(ids), 0)
     return head[:-4] + struct.pack("<I", zlib.crc32(head + content)) + content
+
+
+def with_objects(blockmap: BlockMap, data: bytes, where: str) -> BlockMap:
+    """The same with its object ids. Raises CorruptTileError for anything else, and for those of another size."""
+    objects = decode_objects(data, where)
+    if objects.shape != blockmap.codes.shape:
+        raise CorruptTileError("object ids of another BlockMap", where, _HINT)
+    return replace(blockmap, objects=objects)
 
 
 def decode_objects(data: bytes, where: str) -> NDArray[np.uint32]:
