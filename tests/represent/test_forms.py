@@ -66,6 +66,17 @@ def test_plain_images_lose_nothing_and_noise_does() -> None:
     assert list(lost) == sorted(lost)
 
 
+def test_images_alike_at_half_their_size_are_told_apart() -> None:
+    stripes = np.full((64, 64, 4), 255, np.uint8)
+    stripes[:, ::2, :3] = 40
+    plain = np.full((64, 64, 4), 255, np.uint8)
+    plain[...] = mip_levels(stripes, False)[1][0, 0]
+    assert mip_levels(plain, False)[1].tolist() == mip_levels(stripes, False)[1].tolist()
+    (rough,) = forms_of(*square(Texture(stripes)))
+    (smooth,) = forms_of(*square(Texture(plain)))
+    assert max(smooth.blur) < 0.02 < 0.2 < rough.blur[1]
+
+
 def test_errors_go_on_from_nearer_than_was_looked_at() -> None:
     body = blob(6_000, 2.0, 3)
     forms = forms_of(Chunk.whole(BlockedMesh.from_mesh(body)), MaterialTable.build(body.materials))

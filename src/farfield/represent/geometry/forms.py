@@ -19,8 +19,8 @@ FEWEST_PER_OBJECT = 64
 first, and to find that out takes a second a leaf."""
 _REMEMBERED = 4096
 """Images whose blur is known: each takes some 50 ms, and many a leaf has the same."""
-_BLUR: dict[bytes, tuple[float, ...]] = {}
-"""Digest of an image -> likeness.blur_errors."""
+_BLUR: dict[tuple[int, int, bytes], tuple[float, ...]] = {}
+"""Width, height and digest of an image -> likeness.blur_errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +102,15 @@ def _images_of(chunk: Chunk, materials: Materials) -> tuple[float, tuple[float, 
 def _blur(materials: Materials, image: int) -> tuple[float, ...]:
     """Of an image of the pool, see likeness.blur_errors."""
     width, height, count = materials.size[image].tolist()
-    at, mips = int(materials.level[image, 0]), []
+    first = at = int(materials.level[image, 0])
+    mips = []
     for level in range(count):
         rows, columns = max(1, height >> level), max(1, width >> level)
         mips.append(materials.pixels[at : at + rows * columns].reshape(rows, columns, 4))
         at += rows * columns
-    # Told by what it looks like at half its size: a city's leaves ask for the same seven images again and again.
-    small = mips[min(1, len(mips) - 1)].tobytes()
-    key = blake2b(small, digest_size=16, salt=repr(mips[0].shape[:2]).encode()[:16]).digest()
+    # By all of its sizes: images unlike at full size may be alike at half of it, and holes may alter those alone.
+    # A city's leaves ask for the same seven again and again; to hash one of 512 x 512 takes 3 ms.
+    key = width, height, blake2b(materials.pixels[first:at].ravel().data, digest_size=16).digest()
     if key not in _BLUR:
         while len(_BLUR) >= _REMEMBERED:
             del _BLUR[next(iter(_BLUR))]
