@@ -138,15 +138,18 @@ def corrupt(blockmap: bytes) -> dict[str, bytes]:
     lengths = struct.unpack_from("<III", blockmap, 24)
     ends = np.cumsum([40, *lengths])
 
-    def with_stream(number: int, content: bytes) -> bytes:
+    def with_stream(number: int, content: bytes, flags: int = blockmap[7]) -> bytes:
         packer = zlib.compressobj(9, zlib.DEFLATED, -15)
         packed = packer.compress(content) + packer.flush()
         head = bytearray(blockmap[:40])
+        head[7] = flags
         struct.pack_into("<I", head, 24 + 4 * number, len(packed))
         return sealed(bytes(head) + blockmap[40 : ends[number]] + packed + blockmap[ends[number + 1] :])
 
     heights, slopes, turns = (zlib.decompress(blockmap[ends[k] : ends[k + 1]], -15) for k in range(3))
     n, middle = blockmap[6], len(blockmap) // 2
+    floors = bytearray(n * n)
+    floors[0] = heights[0] + 1
     return {
         "truncated": blockmap[:middle],
         "altered": blockmap[:middle] + bytes([blockmap[middle] ^ 1]) + blockmap[middle + 1 :],
@@ -165,16 +168,18 @@ def corrupt(blockmap: bytes) -> dict[str, bytes]:
         "low": with_field("<f", 16, float("inf")),
         "step-0": with_field("<f", 20, 0.0),
         "step-nan": with_field("<f", 20, float("nan")),
-        "step-large": with_field("<f", 20, 1e10),
+        "step-large": with_field("<f", 20, 1e9),
         "length": with_field("<I", 24, 2**32 - 1),
         "heights-short": with_stream(0, heights[:-1]),
         "heights-long": with_stream(0, heights + b"\0"),
+        "floor-above-code": with_stream(0, heights + bytes(floors), blockmap[7] | 4),
         "nothing": with_stream(0, bytes(len(heights))),
         "more-walls": with_stream(0, bytes([1, 255] * n + [255, 1] * n) * (n // 4) + heights[n * n :]),
         "slopes-short": with_stream(1, slopes[:-1]),
         "slopes-long": with_stream(1, slopes + b"\0"),
         "turns-short": with_stream(2, turns[:-1]),
         "turns-long": with_stream(2, turns + b"\0"),
+        "turn-64": with_stream(2, b"\x40" + turns[1:]),
         "color-none": sealed(blockmap[: ends[3]]),
         "color-other": sealed(blockmap[: ends[3]] + b"RIFF" + blockmap[ends[3] + 4 :].replace(b"VP8 ", b"VP8L")),
     }

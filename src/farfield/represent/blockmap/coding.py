@@ -81,17 +81,23 @@ def decode_blockmap(data: bytes, where: str) -> BlockMap:
         if not plain[: n * n].any():
             raise CorruptTileError("BlockMap of nothing", where, _HINT)
         bits = np.unpackbits(plain[n * n : n * n + n // 2], bitorder="little").reshape(4, n)
-        floors = plain[n * n + n // 2 :].reshape(n, n).copy() if floored else None
+        codes, floors = plain[: n * n], plain[n * n + n // 2 :]
+        if floored and (floors > codes).any():
+            raise CorruptTileError("BlockMap has floors above its tops", where, _HINT)
         sloped = None
         if flags & SLOPED:
             sloped = np.frombuffer(inflate(slopes, 2 * n * n), np.int8).reshape(2, n, n).transpose(1, 2, 0).copy()
         found = BlockMap(
-            size, low, step, plain[: n * n].reshape(n, n).copy(), sloped, bits, least, density, scale,
-            bool(flags & BY_AREA), webp.decode(colors, n + columns, n, where), np.empty(0, np.uint8), floors=floors,
+            size, low, step, codes.reshape(n, n).copy(), sloped, bits, least, density, scale,
+            bool(flags & BY_AREA), webp.decode(colors, n + columns, n, where), np.empty(0, np.uint8),
+            floors=floors.reshape(n, n).copy() if floored else None,
         )  # fmt: skip
         if found.unfolded.rows > n:
             raise CorruptTileError("BlockMap has more walls than its image", where, _HINT)
-        return found.with_turns(np.frombuffer(inflate(turns, len(found.unfolded.sides)), np.uint8) % TURNS)
+        normals = np.frombuffer(inflate(turns, len(found.unfolded.sides)), np.uint8)
+        if (normals >= TURNS).any():
+            raise CorruptTileError("BlockMap has walls turned too far", where, _HINT)
+        return found.with_turns(normals.copy())
     except zlib.error as error:
         raise CorruptTileError(f"BlockMap is damaged: {error}", where, _HINT) from None
 

@@ -60,9 +60,11 @@ export async function decodeBlockMap(
   if (codes.every((code) => code === 0)) throw corrupt("BlockMap of nothing", where);
   const slopes = header.slopes && interleaved(inflate(header.slopes, 2 * n * n, where));
   const floors = header.floored ? heights.slice(n * n + n / 2) : null;
+  if (floors?.some((floor, texel) => floor > codes[texel]!)) throw corrupt("BlockMap has floors above its tops", where);
   const own = unfolded(codes, floors, heights.subarray(n * n, n * n + n / 2), header);
   if (own.rows > n) throw corrupt("BlockMap has more walls than its image", where);
   const turns = inflate(header.turns, own.sides.length, where);
+  if (turns.some((turn) => turn >= TURNS)) throw corrupt("BlockMap has walls turned too far", where);
   const tops = topsOf(codes, slopes, low, step, [extent[0] / n, extent[1] / n], STEEP);
   const thresholds = leapHeights(tops);
   const highest = tops.reduce((most, top) => Math.max(most, top));
