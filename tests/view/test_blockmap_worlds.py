@@ -9,6 +9,8 @@ from bake.test_blockmaps import BOTH, OPTIONS, SIDE, baked, city
 from farfield.geometry.cameras import Camera
 from farfield.octree.grid import CellKey
 from farfield.quality.metrics import psnr
+from farfield.view.blockmaps import BlockMapPass, map_of
+from farfield.view.frame import Frame
 from farfield.view.picture import Picture
 from farfield.view.renderer import RenderOptions, render_world
 from farfield.view.shading import Light
@@ -46,6 +48,17 @@ def map_keys(world: World, *cells: CellKey) -> set[str]:
 
 def leaves(world: World) -> list[CellKey]:
     return [entry.cell for entry in world.cells() if entry.cell.level == 0]
+
+
+def test_maps_are_read_once_and_kept_until_they_were_drawn_last(world: World) -> None:
+    first, second = (world.entry(cell) for cell in leaves(world)[:2])
+    assert first.blockmap is not None
+    assert second.blockmap is not None
+    a, b = map_of(first, first.blockmap), map_of(second, second.blockmap)
+    casting = BlockMapPass(world, Frame.empty(ABOVE, SIZE, 1), Light())
+    assert casting.draw([a, b, a]) == (3, 0)
+    assert casting.bytes == first.blockmap.bytes + second.blockmap.bytes
+    assert not casting._maps
 
 
 @pytest.mark.parametrize("azimuth", [0.4, 1.9, 3.6, 5.2])

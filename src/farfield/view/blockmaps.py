@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,18 +86,20 @@ class CastableMap:
 
 
 class BlockMapPass:
-    """Draws BlockMaps of a world into a frame, after all else; each is read once."""
+    """Draws BlockMaps of a world into a frame, after all else; each is read once, and kept until it was drawn last."""
 
     def __init__(self, world: World, frame: Frame, light: Light) -> None:
         self._world, self._frame, self._light = world, frame, light
         self._maps: dict[str, CastableMap] = {}
+        """Half a megabyte each."""
         self.bytes = 0
         """Encoded size of everything read so far."""
 
-    def draw(self, draws: Iterable[MapDraw]) -> tuple[int, int]:
+    def draw(self, draws: Sequence[MapDraw]) -> tuple[int, int]:
         """Returns how many were drawn, and how many cannot be read."""
         drawn = unreadable = 0
-        for one in draws:
+        last = {one.key: number for number, one in enumerate(draws)}
+        for number, one in enumerate(draws):
             try:
                 castable = self._castable(one)
             except CorruptTileError:
@@ -108,6 +110,8 @@ class BlockMapPass:
             box = None if one.box is None else one.box + moved
             draw_blockmap(self._frame, castable, corner + moved, self._light, box)
             drawn += 1
+            if last[one.key] == number:
+                del self._maps[one.key]
         return drawn, unreadable
 
     def _castable(self, one: MapDraw) -> CastableMap:
