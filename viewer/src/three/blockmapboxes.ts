@@ -41,7 +41,9 @@ export class BlockMapBoxes {
     return this.mesh.geometry.instanceCount;
   }
 
+  /** Takes all boxes out, and lets go of their page, which may be dropped before there are others. */
   clear(): void {
+    this.mesh.material.uniforms["maps"]!.value = null;
     this.mesh.geometry.instanceCount = 0;
     this.mesh.visible = false;
   }

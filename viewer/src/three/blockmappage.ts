@@ -8,13 +8,15 @@ const MOST_LAYERS = 256;
 
 /**
  * Textures of BlockMaps of one size, a layer each: of n rows, side by side the tops, the slopes with floors, the four sides one after the other (n
- * columns each), and the colours (n + m). Only layers that change are uploaded; their copy here outlives a lost context.
+ * columns each), and the colours (n + m). Only layers that change are uploaded; their copy here outlives a lost context. A page that is full
+ * has twice the layers from then on, until it is as large as it may be.
  */
 export class BlockMapPage {
   readonly texture: DataArrayTexture;
-  /** Layers that are not in use; the first comes last. */
-  private readonly free: number[];
-  private readonly layers: number;
+  /** Maps that it may have at most. */
+  readonly capacity: number;
+  /** Layers that are in use. */
+  private readonly used = new Set<number>();
   private readonly width: number;
 
   constructor(
@@ -24,9 +26,8 @@ export class BlockMapPage {
     readonly m: number,
   ) {
     this.width = 7 * n + m;
-    this.layers = layersOf(n, m);
-    this.free = Array.from({ length: this.layers }, (_, layer) => this.layers - 1 - layer);
-    this.texture = new DataArrayTexture(new Uint8Array(this.layers * this.layerBytes), this.width, n, this.layers);
+    this.capacity = layersOf(n, m);
+    this.texture = new DataArrayTexture(new Uint8Array(this.layerBytes), this.width, n, 1);
     this.texture.format = RGBAIntegerFormat;
     this.texture.type = UnsignedByteType;
     this.texture.internalFormat = "RGBA8UI";
@@ -36,22 +37,22 @@ export class BlockMapPage {
     return layerBytes(this.n, this.m);
   }
 
-  /** Maps that it has room for. */
-  get capacity(): number {
-    return this.layers;
+  /** Of the graphics card, and as many here. */
+  get bytes(): number {
+    return this.layers * this.layerBytes;
   }
 
   get isFull(): boolean {
-    return this.free.length === 0;
+    return this.used.size === this.capacity;
   }
 
   get isEmpty(): boolean {
-    return this.free.length === this.layers;
+    return this.used.size === 0;
   }
 
   /** Takes a map; returns its layer. */
   put({ tops, slopes, floors, sides, colors }: DecodedBlockMap): number {
-    const layer = this.free.pop()!;
+    const layer = this.freeLayer();
     const { n, m } = this;
     this.write(layer, 0, n, tops);
     if (slopes || floors) this.write(layer, n, n, together(slopes, floors, n * n));
@@ -63,11 +64,35 @@ export class BlockMapPage {
   }
 
   drop(layer: number): void {
-    this.free.push(layer);
+    this.used.delete(layer);
   }
 
   dispose(): void {
     this.texture.dispose();
+  }
+
+  private get layers(): number {
+    return this.texture.image.depth;
+  }
+
+  /** The first that is not in use, which it is from now on. */
+  private freeLayer(): number {
+    if (this.used.size === this.layers) this.grow();
+    let layer = 0;
+    while (this.used.has(layer)) layer++;
+    this.used.add(layer);
+    return layer;
+  }
+
+  private grow(): void {
+    const { width, n, texture } = this;
+    const depth = Math.min(2 * this.layers, this.capacity);
+    const data = new Uint8Array(depth * this.layerBytes);
+    data.set(texture.image.data as Uint8Array);
+    // A texture on the card keeps its size: it is made anew, with all that was in it.
+    texture.dispose();
+    texture.image = { data, width, height: n, depth };
+    for (const layer of this.used) texture.addLayerUpdate(layer);
   }
 
   /** Writes texels of so many columns a row from a column on. */
