@@ -6,7 +6,7 @@ import base64
 import os
 import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ from scripts.viewer import VIEWER, find_node
 
 from e2e.browsing import Pixels, Visit, psnr
 from farfield.geometry.cameras import Camera
-from farfield.represent.blockmap.blockmap import BlockMap
+from farfield.represent.blockmap.blockmap import SIZES, BlockMap
+from farfield.represent.blockmap.coding import decode_blockmap, encode_blockmap
 from farfield.view.blockmaps import CastableMap, draw_blockmap
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
@@ -169,6 +170,41 @@ def test_many_maps_take_a_call_for_each_size(harness: Visit, view: str) -> None:
     assert 3 < stats["maps"] < 9
     assert stats["calls"] in (2, 3)
     assert compare(f"many-{view}", (shown[0], shown[1]), expected(CAMERAS[view], *many)) >= 40
+
+
+def test_what_was_drawn_is_there_when_its_page_grows(harness: Visit) -> None:
+    maps = [Placed((n * EXTENT[0], 0.0, 0.0), seed=1 + n % 2) for n in (0, 1, -1)]
+    harness.do("maps => harness.take(maps)", [])
+    for count, one in enumerate(maps, 1):
+        harness.do("maps => harness.add(maps)", [one.told])
+        *shown, stats = drawn(harness, CAMERAS["above"])
+        assert stats["calls"] == 1
+        assert compare(f"grown-{count}", (shown[0], shown[1]), expected(CAMERAS["above"], *maps[:count])) >= 40
+
+
+def test_low_walls_show_all_of_their_texels(harness: Visit) -> None:
+    """Of a slab no higher than what the box reaches beyond it: its wall ends at its foot, and not below."""
+    size, n = SIZES[0], SIZES[0].side
+    codes = np.zeros((n, n), np.uint8)
+    codes[6:10, 6:10] = 255
+    bare = replace(
+        blockmap_of_town("16:64", sloped=False)[1],
+        codes=codes, low=0.0, step=0.1 / 254, border=np.zeros((4, n), np.uint8), floors=None, density=0, scale=16,
+    )  # fmt: skip
+    rows = np.arange(n)[:, None, None]
+    colors = np.where(rows < 8, [250, 60, 20], [20, 60, 250]) * np.ones((1, n + size.columns, 1))
+    plain = replace(bare, colors=colors.astype(np.uint8))
+    walls = plain.with_turns(np.zeros(len(plain.unfolded.sides), np.uint8))
+    assert set(walls.unfolded.places[..., 2].ravel()) == {0, 16}
+    stored = encode_blockmap(walls, 100)
+    camera = Camera((64.0, 45.0, 0.06), (64.0, 48.0, 0.05), 3.0)
+    told = {**Placed(size="16:64").told, "bytes": base64.b64encode(stored).decode()}
+    harness.do("maps => harness.take(maps)", [told])
+    *shown, _ = drawn(harness, camera)
+    frame = Frame.empty(camera, SIZE, 1)
+    draw_blockmap(frame, CastableMap.of(decode_blockmap(stored, ""), np.array(EXTENT)), np.zeros(3), LIGHT)
+    right = frame.develop(LIGHT).pixels(LIGHT.sky_linear), frame.depth
+    assert compare("low-walls", (shown[0], shown[1]), right) >= 40
 
 
 PARTS = [

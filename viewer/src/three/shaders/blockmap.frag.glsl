@@ -158,7 +158,7 @@ void main() {
         if (side.b > 0u) {
             vec3 p = origin + t * dir;
             float up = heightOf(255u);
-            float down = -margin;
+            float down = 0.0;
             if (walling.y > 0.0) {
                 up = heightOf(texelAt(at.x, at.y).r);
                 ivec2 beside = at + (came < 2 ? ivec2(2 * came - 1, 0) : ivec2(0, 2 * came - 5));
@@ -169,7 +169,9 @@ void main() {
             }
             float along = came < 2 ? p.y - float(at.y) : p.x - float(at.x);
             int column = clamp(int(floor(along * walling.x)), 0, int(walling.x) - 1);
-            int row = clamp(int(floor((up - p.z) / max(up - down, 1e-9) * float(side.b))), 0, int(side.b) - 1);
+            // Limited before it is an integer: of a wall without height, which a texel of code 1 has, it is large beyond those.
+            float below = (up - p.z) / max(up - down, 1e-9) * float(side.b);
+            int row = int(clamp(floor(below), 0.0, float(side.b) - 1.0));
             shown = ivec2(texels + int(side.r) + column, int(side.g) + row);
             normal = vec3(cos(float(side.a) * TURN), sin(float(side.a) * TURN), 0.0);
         }
