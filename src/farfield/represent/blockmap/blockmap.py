@@ -112,19 +112,6 @@ class BlockMap:
         floors = np.ones_like(self.codes) if self.floors is None else np.maximum(self.floors, 1)
         return (self.low + (floors.astype(np.float32) - 1) * np.float32(self.step)).astype(np.float32)
 
-    def geometric_error(self, width: float, depth: float) -> float:
-        """Half of a voxel's diagonal, metres: no point of it is farther from what it was built from (BLK 3.3).
-
-        A voxel is a texel wide and a step high, or, where tops slope, as high as they rise from corner to corner: a
-        plane goes on beyond a ridge or eaves to the end of its texel.
-        width, depth: of the square, metres.
-        """
-        n = self.size.side
-        texel, rise = np.array([width, depth]) / n, 0.0
-        if self.slopes is not None:
-            rise = float((np.abs(self.slopes.astype(np.float64)) / STEEP @ texel).max())
-        return float(np.sqrt((texel**2).sum() + (self.step + rise) ** 2) / 2)
-
 
 def turns_of(own: Unfolded, normals: NDArray[np.float32]) -> NDArray[np.uint8]:
     """(count,) as BlockMap has them. normals: (4 n n, 3) of each side, any length; without any: straight out."""
