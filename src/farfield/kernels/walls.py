@@ -115,20 +115,28 @@ def find_walls(surface, places, starts, heights, n, across, texel, nearest, foun
 
 
 @device
-def _weights(positions, ia, ib, ic, x, y, z):  # type: ignore[no-untyped-def]
-    """(b, c): weights of the second and third corner at a point of a triangle's plane."""
-    ux = np.float64(positions[ib, 0]) - positions[ia, 0]
-    uy = np.float64(positions[ib, 1]) - positions[ia, 1]
-    uz = np.float64(positions[ib, 2]) - positions[ia, 2]
-    vx = np.float64(positions[ic, 0]) - positions[ia, 0]
-    vy = np.float64(positions[ic, 1]) - positions[ia, 1]
-    vz = np.float64(positions[ic, 2]) - positions[ia, 2]
-    px, py, pz = x - positions[ia, 0], y - positions[ia, 1], z - positions[ia, 2]
-    uu = ux * ux + uy * uy + uz * uz
-    vv = vx * vx + vy * vy + vz * vz
-    uv = ux * vx + uy * vy + uz * vz
-    pu = px * ux + py * uy + pz * uz
-    pv = px * vx + py * vy + pz * vz
+def _between(positions, a, b):  # type: ignore[no-untyped-def]
+    """(3,) the way from one position to another."""
+    return (
+        np.float64(positions[b, 0]) - positions[a, 0],
+        np.float64(positions[b, 1]) - positions[a, 1],
+        np.float64(positions[b, 2]) - positions[a, 2],
+    )
+
+
+@device
+def _dot(u, v):  # type: ignore[no-untyped-def]
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+@device
+def _weights(u, v, p):  # type: ignore[no-untyped-def]
+    """(b, c): weights of the second and third corner at a point of a triangle's plane.
+
+    u, v: (3,) edges from the first corner to these. p: (3,) the point, from the first corner.
+    """
+    uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
+    pu, pv = _dot(p, u), _dot(p, v)
     area = uu * vv - uv * uv
     if area <= 0.0:
         return 0.0, 0.0
@@ -183,17 +191,13 @@ def paint_walls(  # type: ignore[no-untyped-def]
                 seen = np.float64(nearest[sample]) if k & 1 else -np.float64(nearest[sample])
                 beside = along + (column + 0.5) * each
                 x, y = (seen, beside) if axis == 0 else (beside, seen)
-                wb, wc = _weights(positions, ia, ib, ic, x, y, top - (row + 0.5) * each_row)
+                z = top - (row + 0.5) * each_row
+                u, v = _between(positions, ia, ib), _between(positions, ia, ic)
+                wb, wc = _weights(u, v, (x - positions[ia, 0], y - positions[ia, 1], z - positions[ia, 2]))
                 b = np.float32(min(max(wb, 0.0), 1.0))
                 c = np.float32(min(max(wc, 0.0), 1.0 - b))
                 a = np.float32(1.0) - b - c
-                ux = np.float64(positions[ib, 0]) - positions[ia, 0]
-                uy = np.float64(positions[ib, 1]) - positions[ia, 1]
-                uz = np.float64(positions[ib, 2]) - positions[ia, 2]
-                vx = np.float64(positions[ic, 0]) - positions[ia, 0]
-                vy = np.float64(positions[ic, 1]) - positions[ia, 1]
-                vz = np.float64(positions[ic, 2]) - positions[ia, 2]
-                gx, gy, gz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+                gx, gy, gz = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
                 area = math.sqrt(gx * gx + gy * gy + gz * gz)
                 material = surface.materials[t]
                 across_texels = np.float32(0.0)

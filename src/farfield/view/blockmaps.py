@@ -13,7 +13,7 @@ from farfield.errors import CorruptTileError, MissingKeyError
 from farfield.kernels.leaps import LEAPS, leaps
 from farfield.kernels.raycast import cast_rays
 from farfield.octree.grid import CellKey
-from farfield.represent.blockmap.blockmap import STEEP, BlockMap
+from farfield.represent.blockmap.blockmap import CODES, STEEP, BlockMap
 from farfield.represent.blockmap.coding import decode_blockmap, with_objects
 from farfield.view.frame import Frame
 from farfield.view.shading import Light
@@ -193,7 +193,7 @@ def draw_blockmap(
             own.places, castable.azimuths, blockmap.colors, ids,
             np.stack([lower, upper]) / texel, to_ray, (eye - corner) / texel,
             light.sun.astype(np.float32), x0, y0, own.across, blockmap.by_area,
-            blockmap.low, blockmap.low + 254 * blockmap.step, depth, surface, normal, objects,
+            blockmap.low, blockmap.low + (CODES - 1) * blockmap.step, depth, surface, normal, objects,
         )
     )  # fmt: skip
     if drawn:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from farfield.errors import OptionError
 from farfield.represent.blockmap.unfolding import Unfolded, unfolded
 
+CODES = 255
+"""Heights that there are, from code 1 on."""
 STEEP = 32
 """Steps of a slope for a rise of 1."""
 STEEPEST = 127

@@ -13,7 +13,7 @@ from farfield.kernels.fill import fill_invalid
 from farfield.kernels.project import project_orthographic
 from farfield.kernels.resolve import PLANES, resolve
 from farfield.kernels.walls import SAMPLES, find_walls, paint_walls
-from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, BlockMapSize, turns_of
+from farfield.represent.blockmap.blockmap import CODES, STEEP, STEEPEST, BlockMap, BlockMapSize, turns_of
 from farfield.represent.blockmap.caps import CLOSE, NO_OBJECT, inside_at_top
 from farfield.represent.blockmap.unfolding import DENSITIES
 from farfield.represent.chunk import Chunk
@@ -22,7 +22,6 @@ from farfield.represent.orthoview.visibility import nearest_surface
 
 TOP_SAMPLES = 3
 """Of a texel seen from above, along each axis: an odd number, one is in the middle; 5 take twice as long."""
-CODES = 255
 ALIKE = 0.5
 """Of a texel's width: what is no higher or lower than that from its middle looks like its top."""
 FINEST = 2

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from farfield.geometry.color import LINEAR_OF_BYTE
 from farfield.kernels.fill import fill_invalid
 from farfield.kernels.regather import gather_walls
-from farfield.represent.blockmap.blockmap import STEEP, STEEPEST, BlockMap, turns_of
+from farfield.represent.blockmap.blockmap import CODES, STEEP, STEEPEST, BlockMap, turns_of
 from farfield.represent.blockmap.build import (
-    CODES,
     Square,
     ends_of,
     fitted_to,
