@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
-import { BlockCuller, type CullableTile } from "../src/core/culling.js";
+import { Culler, type CullableTile, type Culling } from "../src/core/culling.js";
 import { DepthPyramid } from "../src/core/depthpyramid.js";
 import { LatticeView, sameProjection, type Projection } from "../src/core/projection.js";
 import { Ranges } from "../src/core/ranges.js";
-import type { Vector3 } from "../src/core/vector.js";
+import type { Box, Vector3 } from "../src/core/vector.js";
 
 /** Looks north from 200 m south of the origin; a picture of 64 x 48 pixels, 90° across. */
 function lookingNorth(eye: Vector3 = [0, -200, 0]): Projection {
@@ -36,7 +36,7 @@ function tileOf(blocks: readonly Block[]): CullableTile {
 }
 
 const block = (u: number, v: number, w: number, size = 4): Block => ({ lower: [u, v, w], upper: [u + size, v + size, w + size] });
-const drawnOf = (culler: BlockCuller): number[][] =>
+const drawnOf = (culler: Culler): number[][] =>
   Array.from({ length: culler.ranges.total }, (_, n) => [culler.ranges.firsts[n]!, culler.ranges.counts[n]!]);
 
 /** A picture in which one sees `distance` metres far everywhere, but `holes` deep in some squares of 8 pixels. */
@@ -51,19 +51,19 @@ describe("blocks", () => {
 
   it("outside the picture are left out, adjacent runs are drawn as one", () => {
     const tile = tileOf([block(-300, 0, 0), middle, block(4, 0, 0), block(0, 400, 0), block(-2, -2, -300), block(2, 2, 50)]);
-    const culler = new BlockCuller(lookingNorth(), "frustum", null);
+    const culler = new Culler(lookingNorth(), "frustum", null);
     expect(culler.add(tile)).toBe(true);
     expect(drawnOf(culler)).toEqual([[10, 20], [50, 10]]);
     expect([culler.inFrustum, culler.drawn, culler.isGuess]).toEqual([30, 30, false]);
-    const all = new BlockCuller(lookingNorth(), "none", wall(lookingNorth(), 10));
+    const all = new Culler(lookingNorth(), "none", wall(lookingNorth(), 10));
     all.add(tile);
     expect(drawnOf(all)).toEqual([[0, 60]]);
-    expect(new BlockCuller(lookingNorth(), "none", null).add(tileOf([block(-300, 0, 0)]))).toBe(false);
+    expect(new Culler(lookingNorth(), "none", null).add(tileOf([block(-300, 0, 0)]))).toBe(false);
   });
 
   it("that show nothing but backs are left out, with a margin for their size", () => {
     const facing = (n: Vector3, half = 0): Block => ({ ...middle, cone: [...n, Math.cos(half), Math.sin(half)] });
-    const isDrawn = (one: Block): boolean => new BlockCuller(lookingNorth(), "all", null).add(tileOf([one]));
+    const isDrawn = (one: Block): boolean => new Culler(lookingNorth(), "all", null).add(tileOf([one]));
     expect(isDrawn(facing([0, 0, -1]))).toBe(true);
     expect(isDrawn(facing([0, 0, 1]))).toBe(false);
     expect(isDrawn(facing([0, 0, 1], 1.5))).toBe(false);
@@ -75,7 +75,7 @@ describe("blocks", () => {
   it("behind what was seen before are left out, and a picture tells whether that was right", () => {
     const view = lookingNorth();
     const before = wall(view, 100);
-    const culler = new BlockCuller(view, "all", before);
+    const culler = new Culler(view, "all", before);
     culler.add(tileOf([middle, block(-2, -2, -120)]));
     expect(drawnOf(culler)).toEqual([[10, 10]]);
     expect(culler.isGuess).toBe(true);
@@ -88,7 +88,7 @@ describe("blocks", () => {
   it("are hidden from elsewhere only with a square to spare, and never beside the picture from before", () => {
     const drawn = (eye: Vector3, hole: number, one = middle): boolean => {
       const before = wall(lookingNorth(), 100, { [hole]: 0 });
-      return new BlockCuller(lookingNorth(eye), "all", before).add(tileOf([one]));
+      return new Culler(lookingNorth(eye), "all", before).add(tileOf([one]));
     };
     // The middle of the picture is the corner of four squares; one column farther left nothing of the block is seen.
     expect(drawn([0, -200, 0], 2 * 8 + 2)).toBe(false);
@@ -100,16 +100,37 @@ describe("blocks", () => {
   });
 
   it("close to the eye are drawn whatever was seen", () => {
-    const near = new BlockCuller(lookingNorth(), "all", wall(lookingNorth(), 2));
+    const near = new Culler(lookingNorth(), "all", wall(lookingNorth(), 2));
     near.add(tileOf([block(-2, -2, -190), middle]));
     expect(drawnOf(near)).toEqual([[0, 10]]);
   });
 
   it("of a tile that is hidden as a whole count as in the frustum", () => {
-    const culler = new BlockCuller(lookingNorth(), "all", wall(lookingNorth(), 100));
+    const culler = new Culler(lookingNorth(), "all", wall(lookingNorth(), 100));
     expect(culler.add(tileOf([middle, block(10, 10, 20)]))).toBe(false);
     expect([culler.inFrustum, culler.drawn]).toEqual([20, 0]);
     expect(culler.isRight(wall(lookingNorth(), 300))).toBe(false);
+  });
+});
+
+describe("boxes", () => {
+  const box: Box = { lower: [-2, -2, -2], upper: [2, 2, 2] };
+
+  it("are left out when they are beside the picture, or hidden before; those at hand too", () => {
+    const drawn = (culling: Culling, one: Box, farthest: number): boolean => new Culler(lookingNorth(), culling, wall(lookingNorth(), farthest)).addBox(one);
+    expect(drawn("all", box, 150)).toBe(false);
+    expect(drawn("frustum", box, 150)).toBe(true);
+    expect(drawn("all", box, 199)).toBe(true);
+    expect(drawn("all", { lower: [-2, -152, -2], upper: [2, -148, 2] }, 10)).toBe(false);
+    expect(drawn("frustum", { lower: [-300, 0, 0], upper: [-290, 4, 4] }, 150)).toBe(false);
+  });
+
+  it("are a guess until the picture without them hides them as well", () => {
+    const culler = new Culler(lookingNorth(), "all", wall(lookingNorth(), 100));
+    culler.addBox(box);
+    expect(culler.isGuess).toBe(true);
+    expect(culler.isRight(wall(lookingNorth(), 150))).toBe(true);
+    expect(culler.isRight(wall(lookingNorth(), 201))).toBe(false);
   });
 });
 

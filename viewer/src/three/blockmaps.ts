@@ -1,7 +1,7 @@
 import { Matrix3, Vector2, Vector3, type Group } from "three";
 import type { DecodedBlockMap } from "../core/blockmap/decode.js";
 import type { Cell } from "../core/cell.js";
-import { seesBox } from "../core/frustum.js";
+import type { Culler } from "../core/culling.js";
 import type { Grid } from "../core/grid.js";
 import { HOLE, type Holes } from "../core/holes.js";
 import { cross, distanceTo, dot, type Box, type Vector3 as Triple } from "../core/vector.js";
@@ -27,6 +27,14 @@ export interface BlockMapDraw {
   readonly holes: Holes;
   /** Whether parts of finer cells are drawn before it, which show the same. */
   readonly behind: boolean;
+}
+
+/** What a picture of BlockMaps depends on besides these. */
+export interface BlockMapView {
+  readonly viewpoint: Viewpoint;
+  readonly sun: Triple;
+  /** Decides what is drawn. */
+  readonly culler: Culler;
 }
 
 /** What stays of a map when its texels are in a page. */
@@ -88,14 +96,14 @@ export class BlockMaps {
     this.pages.delete(page);
   }
 
-  /** Takes what is to be drawn; maps that are not in the picture are left out, and the nearest come first. */
-  set(draws: readonly BlockMapDraw[], viewpoint: Viewpoint, sun: Triple): void {
+  /** Takes what is to be drawn; what is certain not to be seen is left out, and the nearest come first. */
+  set(draws: readonly BlockMapDraw[], { viewpoint, sun, culler }: BlockMapView): void {
     this.setView(viewpoint, sun);
     this.holes.clear();
     for (const boxes of this.pages.values()) boxes.clear();
     for (const { boxes } of this.partial) boxes.clear();
-    const { eye, frustum } = viewpoint;
-    const seen = draws.map((draw) => ({ draw, box: boxOf(draw) })).filter(({ box }) => seesBox(frustum, box));
+    const { eye } = viewpoint;
+    const seen = draws.map((draw) => ({ draw, box: boxOf(draw) })).filter(({ box }) => culler.addBox(box));
     const sorted = seen.map(({ draw, box }) => ({ draw, away: distanceTo(box, eye) })).sort((a, b) => a.away - b.away);
     let parts = 0;
     for (const { draw } of sorted) {

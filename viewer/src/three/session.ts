@@ -3,6 +3,8 @@ import { joinWants, LookAhead } from "../core/ahead.js";
 import type { DecodePool } from "../core/decode/pool.js";
 import { Loader, type LoaderEvents } from "../core/loader.js";
 import type { Cell } from "../core/cell.js";
+import { Culler } from "../core/culling.js";
+import type { DepthPyramid } from "../core/depthpyramid.js";
 import { seesBox } from "../core/frustum.js";
 import { makePlan, samePlan, type Plan, type PlanView } from "../core/plan.js";
 import type { Manifest } from "../core/manifest.js";
@@ -20,7 +22,6 @@ import type { WorldIndex } from "../core/world.js";
 import { anisotropyOf } from "./card.js";
 import { BlockMaps, type BlockMapDraw, type BlockMapHandle } from "./blockmaps.js";
 import { CoarseningControl } from "./coarsening.js";
-import type { DepthPyramid } from "../core/depthpyramid.js";
 import { DepthReader } from "./depthreader.js";
 import { renderInto, type Frame } from "./frame.js";
 import { sunDirection, type LightUniforms } from "./light.js";
@@ -112,7 +113,7 @@ export class Session {
   /** What that shows, and of which generation. */
   picture: DrawnPicture | null = null;
   /** The picture that was drawn last, while it is not certain that nothing is missing from it. */
-  private unsure: Viewpoint | null = null;
+  private unsure: Culler | null = null;
 
   constructor(
     private readonly parts: SessionParts,
@@ -381,11 +382,12 @@ export class Session {
     const { light, culling } = options();
     const [viewpoint, sun] = [this.viewpoint!, sunDirection(light)];
     this.drawShadows(camera, largestPoint, width, sun);
-    this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culling, before: this.before, bothSides: false });
+    const culler = new Culler(viewpoint, culling, this.before);
+    this.place(this.plan!, { viewpoint, sun, largest: largestPoint, culler, bothSides: false });
     frame.draw(renderer(), scene, camera);
     this.drawn = viewpoint;
     this.picture = { plan: this.plan!, viewpoint, manifest: this.index.manifest };
-    this.unsure = this.splats.culler!.isGuess ? viewpoint : null;
+    this.unsure = culler.isGuess ? culler : null;
     if (culling === "all") this.reader.read(renderer(), frame.depth, viewpoint);
   }
 
@@ -400,8 +402,8 @@ export class Session {
   /** Takes how far one saw in a picture: the next is drawn by it, and what the last one lacks is drawn at once. */
   private hasRead(pyramid: DepthPyramid): void {
     this.before = pyramid;
-    if (pyramid.view !== this.unsure) return;
-    if (!this.splats.culler!.isRight(pyramid)) return this.events.lacking();
+    if (pyramid.view !== this.unsure?.view) return;
+    if (!this.unsure.isRight(pyramid)) return this.events.lacking();
     this.unsure = null;
     this.events.arrived();
   }
@@ -411,7 +413,7 @@ export class Session {
     const { farOnly, near } = this.view!;
     const merged = solids.filter(({ form }) => !isMap(form.leaf));
     this.near.set({ leaves: geometry, solids: merged, instances, leftOut: farOnly ? near : 0 }, view.viewpoint, view.sun);
-    this.blockmaps.set(mapsOf(pictures, solids), view.viewpoint, view.sun);
+    this.blockmaps.set(mapsOf(pictures, solids), view);
   }
 
   /** Whether shadows are to be drawn anew for what has come since, in the picture or not. */
@@ -435,7 +437,7 @@ export class Session {
     const farthest = roots.reduce((most, { bounds }) => Math.max(most, farthestIn(bounds, eye)), 0);
     const view = { eye, sun, casters: this.casters.number, nearest: this.clearance ?? 0, farthest };
     shadows.update(renderer(), view, (viewpoint, target) => {
-      this.place(plan, { viewpoint, sun, largest, culling: "frustum", before: null, bothSides: true });
+      this.place(plan, { viewpoint, sun, largest, culler: new Culler(viewpoint, "frustum", null), bothSides: true });
       renderInto(target, renderer(), scene, camera);
     });
   }

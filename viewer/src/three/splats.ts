@@ -2,8 +2,7 @@ import {
   GLSL3, GreaterDepth, Matrix3, NoBlending, Points, RawShaderMaterial, Vector2, Vector3, type BufferGeometry, type DataTexture,
   type Group, type WebGLRenderer,
 } from "three";
-import { BlockCuller, type Culling } from "../core/culling.js";
-import type { DepthPyramid } from "../core/depthpyramid.js";
+import type { Culler } from "../core/culling.js";
 import type { Grid } from "../core/grid.js";
 import { HOLE } from "../core/holes.js";
 import type { PictureDraw } from "../core/plan.js";
@@ -37,9 +36,8 @@ export interface SplatView {
   readonly sun: Triple;
   /** Widest point the card draws. */
   readonly largest: number;
-  readonly culling: Culling;
-  /** How far one saw in a picture drawn before. */
-  readonly before: DepthPyramid | null;
+  /** Decides what is drawn. */
+  readonly culler: Culler;
   /** Whether what faces away is drawn too. */
   readonly bothSides: boolean;
 }
@@ -49,7 +47,7 @@ export class Splats {
   /** Tiles drawn last. */
   tiles = 0;
   /** What was drawn last. */
-  culler: BlockCuller | null = null;
+  culler: Culler | null = null;
   private readonly pool: Points<BufferGeometry, RawShaderMaterial>[] = [];
   private readonly placements = new WeakMap<object, Placement>();
   private readonly material: RawShaderMaterial;
@@ -96,12 +94,11 @@ export class Splats {
   }
 
   /** Takes what is to be drawn; what is certain not to be seen is left out. */
-  set(draws: readonly PictureDraw[], { viewpoint, sun, largest, culling, before, bothSides }: SplatView): void {
+  set(draws: readonly PictureDraw[], { viewpoint, sun, largest, culler, bothSides }: SplatView): void {
     this.viewpoint = viewpoint;
     this.sun = sun;
     this.tiles = 0;
     this.holes.clear();
-    const culler = new BlockCuller(viewpoint, culling, before);
     this.culler = culler;
     for (const draw of draws) {
       const holeNode = this.holes.add(draw.holes);

@@ -1,15 +1,16 @@
 /** A page that draws BlockMaps alone, for tests/e2e/test_blockmaps.py. */
 import { FloatType, Group, PerspectiveCamera, RGBAFormat, Matrix4, Scene, WebGLRenderer, WebGLRenderTarget, type Texture } from "three";
+import { Culler } from "../../src/core/culling.js";
 import { decodeBlockMap } from "../../src/core/blockmap/decode.js";
 import { decodeColor } from "../../src/core/decode/color.js";
 import { Grid } from "../../src/core/grid.js";
 import type { Holes } from "../../src/core/holes.js";
 import type { Vector3 } from "../../src/core/vector.js";
-import { BlockMaps, type BlockMapDraw } from "../../src/three/blockmaps.js";
+import { BlockMaps, type BlockMapDraw, type BlockMapView } from "../../src/three/blockmaps.js";
 import { makeTarget, renderInto } from "../../src/three/frame.js";
 import { DEFAULT_LIGHT, DEFAULT_SKY, LightUniforms, sunDirection } from "../../src/three/light.js";
 import { drawApart, Pass } from "../../src/three/pass.js";
-import { viewpointOf, type Viewpoint } from "../../src/three/viewpoint.js";
+import { viewpointOf } from "../../src/three/viewpoint.js";
 
 const COPY = "uniform highp sampler2D source; out vec4 value; void main() { value = texelFetch(source, ivec2(gl_FragCoord.xy), 0); }";
 
@@ -62,21 +63,22 @@ async function add(placed: readonly Placed[]): Promise<number> {
   return milliseconds / placed.length;
 }
 
-function look({ eye, target, fov, near, size }: Seen): { camera: PerspectiveCamera; viewpoint: Viewpoint } {
+function look({ eye, target, fov, near, size }: Seen): { camera: PerspectiveCamera; view: BlockMapView } {
   const camera = new PerspectiveCamera(fov, size[0] / size[1], near, 1e6);
   camera.up.set(0, 0, 1);
   camera.position.set(...eye);
   camera.lookAt(...target);
   camera.updateMatrixWorld();
-  return { camera, viewpoint: viewpointOf(camera, new Matrix4(), ...size) };
+  const viewpoint = viewpointOf(camera, new Matrix4(), ...size);
+  return { camera, view: { viewpoint, sun: sunDirection(DEFAULT_LIGHT), culler: new Culler(viewpoint, "all", null) } };
 }
 
 /** Rows from below: (height, width, 4) sRGB and light, and (height, width) near / d. */
 function draw(seen: Seen): { color: string; depth: string; stats: BlockMaps["stats"] } {
   const [width, height] = seen.size;
-  const { camera, viewpoint } = look(seen);
+  const { camera, view } = look(seen);
   const target = makeTarget(width, height);
-  maps.set(draws, viewpoint, sunDirection(DEFAULT_LIGHT));
+  maps.set(draws, view);
   renderInto(target, renderer, scene, camera);
   const color = new Uint8Array(4 * width * height);
   renderer.readRenderTargetPixels(target, 0, 0, width, height, color);
@@ -93,12 +95,12 @@ function draw(seen: Seen): { color: string; depth: string; stats: BlockMaps["sta
 
 /** Milliseconds of each of some frames, drawn to the end. */
 function time(seen: Seen, frames: number): number[] {
-  const { camera, viewpoint } = look(seen);
+  const { camera, view } = look(seen);
   const target = makeTarget(...seen.size);
   const pixel = new Uint8Array(4);
   const taken = Array.from({ length: frames }, () => {
     const began = performance.now();
-    maps.set(draws, viewpoint, sunDirection(DEFAULT_LIGHT));
+    maps.set(draws, view);
     renderInto(target, renderer, scene, camera);
     renderer.readRenderTargetPixels(target, 0, 0, 1, 1, pixel);
     return performance.now() - began;
