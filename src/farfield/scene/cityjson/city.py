@@ -54,7 +54,7 @@ class _Reading:
         self._rows: list[dict[str, Any]] = []
         self._placed: list[Placed] = []
         self._mixed: set[int] = set()
-        """Objects with more than one template."""
+        """Objects that are more than one template."""
         self._images = Images(path)
         self._given = mapping(header.json.get("appearance"))
         self._looks = appearance_of(self._given, self._images)
@@ -83,16 +83,16 @@ class _Reading:
             for member, found in zip(group.members, chosen(group.members, self._options.lod, templates), strict=True)
             for geometry in found
         ]
-        before = len(gatherer)
+        surfaces, placements = len(gatherer), len(self._placed)
         for geometry, family in geometries:
             if geometry["type"] == INSTANCE:
                 self._place(geometry, owner, family)
             else:
                 gatherer.add(geometry, owner, family, looks)
-        if len(geometries) > 1:
+        used = len(self._placed) - placements + (len(gatherer) > surfaces)
+        if used > 1:
             self._mixed.add(owner)
-        has_any = len(gatherer) > before or (len(self._placed) > 0 and self._placed[-1].owner == owner)
-        if has_any:
+        if used:
             self._rows.append(attributes_of(group))
         elif group.members[0].get("type") != "CityObjectGroup":
             self._faults["object without geometry"] += 1
