@@ -323,6 +323,22 @@ def test_columns_of_colours_and_beginnings(tmp_path: Path) -> None:
             assert (mesh.colors[corners[walls], :3] == told[2]).all()
 
 
+def test_beginnings_that_cannot_be_are_the_ground(tmp_path: Path) -> None:
+    shapes = [shapely.box(20 * k, 0, 20 * k + 12, 9) for k in range(7)]
+    above = [1e8, -5.0, np.inf, 1995.0, 25.0, 4.0, np.nan]
+    path = write(tmp_path / "a.fgb", shapes, height=[10.0] * 7, above=above)
+    scene = read_scene([path], ReadOptions(min_height_attribute="above", facades=False))
+    assert [line.removeprefix(f"{path}: ") for line in scene.warnings] == [
+        "4 buildings whose walls would begin below 0 m or end above 2,000 m are taken from the ground",
+        "1 height that end below where the walls begin are taken from there",
+    ]
+    mesh = load(scene)
+    assert mesh.triangle_object is not None
+    for row, wanted in enumerate(scene.attributes["above"]):
+        z = mesh.positions[mesh.triangles[mesh.triangle_object == row], 2]
+        assert (z.min(), z.max()) == {25.0: (25, 35), 4.0: (4, 10)}.get(wanted, (0, 10))
+
+
 def test_altitudes_of_roofs(tmp_path: Path) -> None:
     path = write(tmp_path / "a.fgb", [SQUARE, COURT, TWO], height=[10.0, 20.0, 5.0], roof=[108.0, np.nan, 90.0],
                  ground=[100.0, 100.0, 100.0])  # fmt: skip

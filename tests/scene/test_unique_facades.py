@@ -158,6 +158,28 @@ def test_words_of_use() -> None:
     assert uses_of(np.array(words, object)).tolist() == expected
 
 
+@pytest.mark.parametrize(("word", "use"), [
+    ("business", OFFICE), ("usine", INDUSTRIAL), ("ancienne-usine", INDUSTRIAL), ("restored", UNKNOWN),
+    ("bishop", UNKNOWN), ("semidetached_house", RESIDENTIAL), ("d'habitation", RESIDENTIAL),
+    ("2apartments", RESIDENTIAL), ("Mehrfamilienwohnhaus", RESIDENTIAL), ("Kühllager", INDUSTRIAL),
+    ("Einzelhandel", RETAIL), ("大型商業施設", RETAIL),
+])  # fmt: skip
+def test_words_are_known_by_their_beginnings(word: str, use: int) -> None:
+    assert uses_of(np.array([word], object)).tolist() == [use]
+
+
+def test_each_word_is_understood_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def meaning(value: Any) -> int:
+        asked.append(value)
+        return OFFICE
+
+    monkeypatch.setattr("farfield.scene.footprints.use._use", meaning)
+    assert uses_of(np.array(["office", "school", "office"], object)).tolist() == [OFFICE] * 3
+    assert sorted(asked) == ["office", "school"]
+
+
 def test_a_use_decides(tmp_path: Path) -> None:
     shapes = [shapely.box(30 * i, 0, 30 * i + 9, 11) for i in range(8)]
     path = write(tmp_path / "a.fgb", shapes, height=[8.0] * 8, what=["Industrie", "Retail"] * 4)

@@ -101,9 +101,9 @@ def survey(
             progress.advance()
         progress.finish()
     summaries = [summary for summary in found.values() if summary is not None]
-    for summary in summaries:
-        for note in summary.notes:
-            progress.note(note)
+    # Meshes that share what is at fault say the same of it.
+    for note in dict.fromkeys(note for summary in summaries for note in summary.notes):
+        progress.note(note)
     if all(s.triangles == 0 for s in summaries):
         raise problem or InputError("nothing to bake: the scene holds no triangle")
     return summaries

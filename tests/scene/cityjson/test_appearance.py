@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from farfield.bake.survey import MeshCache, survey, survey_mesh
+from farfield.progress import NoProgress
+from farfield.scene.cityjson.chunk import CityChunk
+from farfield.scene.cityjson.decoded import DecodedImages
+from farfield.scene.cityjson.read import read_cityjson
 from farfield.scene.footprints.facades import BAYS, FACADES, FLOORS
-from farfield.scene.model import Mesh
+from farfield.scene.model import Mesh, Scene
+from farfield.scene.options import ReadOptions
 from scene.cityjson.small_city import CUBE, City, box, load, moved, notes, semantics
 
 NAMES = {facade.name for facade in FACADES}
@@ -179,10 +185,71 @@ def test_images_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_text("no image")
     city = City()
     textured(city, "a.png")
-    mesh = load(city.read(tmp_path))
-    assert mesh.warnings == (f"{tmp_path}/a.city.json: image a.png: is not an image that can be read; "
-                             "its surfaces have default colours",)  # fmt: skip
-    assert on_side(mesh, 2)[1] in NAMES
+    scene = city.read(tmp_path)
+    assert notes(scene)[0] == "cannot read the image a.png; their surfaces have default colours"
+    assert load(scene).warnings == ()
+    assert on_side(load(scene), 2)[1] in NAMES
+
+
+def street(folder: Path, images: list[str]) -> Scene:
+    """A chunk for each house; the roof of each has the next image, and the last has none."""
+    city = City()
+    city.json["appearance"] = {"textures": [{"image": name} for name in images],
+                               "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]]}  # fmt: skip
+    for number in range(len(images) + 1):
+        roof = [[number, 0, 1, 2, 3]] if number < len(images) else [[None]]
+        values = [[[[None]], roof, *[[[None]]] * 4]]
+        city.add(f"{number}", city.cube(corners=box(x=20 * number), texture={"visual": {"values": values}}))
+    return read_cityjson(city.write(folder / "a.city.json"), ReadOptions(), most=24)
+
+
+def image_of(source: CityChunk) -> int | None:
+    """The red of the chunk's only texture; None without one."""
+    reds = [material.texture.pixels[0, 0, 0] for material in source.load().materials if material.name == "image"
+            and material.texture is not None]  # fmt: skip
+    assert len(reds) <= 1
+    return int(reds[0]) if reds else None
+
+
+def test_chunks_have_the_images_of_their_own_faces(tmp_path: Path) -> None:
+    names = ["a.png", "b.png", "c.png"]
+    for red, name in enumerate(names):
+        Image.new("RGB", (4, 4), (red, 0, 0)).save(tmp_path / name)
+    chunks = [source for source in street(tmp_path, names).meshes if isinstance(source, CityChunk)]
+    assert sorted([Path(image.path).name for image in chunk.images] for chunk in chunks) == [
+        [], ["a.png"], ["b.png"], ["c.png"]]  # fmt: skip
+    for chunk in chunks:
+        assert image_of(chunk) == (names.index(Path(chunk.images[0].path).name) if chunk.images else None)
+
+
+def test_decoded_images_are_bounded(tmp_path: Path) -> None:
+    for name in "abc":
+        Image.new("RGB", (8, 8)).save(tmp_path / f"{name}.png")
+    chunks = [source for source in street(tmp_path, ["a.png", "b.png", "c.png"]).meshes
+              if isinstance(source, CityChunk)]  # fmt: skip
+    a, b, c = (image for chunk in chunks for image in chunk.images)
+    decoded = DecodedImages(2 * 8 * 8 * 4)
+    first, second = decoded.get(a), decoded.get(b)
+    assert decoded.get(a) is first
+    decoded.get(c)
+    assert decoded.get(a) is first
+    assert decoded.get(b) is not second
+
+
+def test_a_damaged_image_is_told_of_once(tmp_path: Path) -> None:
+    Image.effect_noise((64, 64), 50).save(tmp_path / "a.png")
+    (tmp_path / "a.png").write_bytes((tmp_path / "a.png").read_bytes()[:500])
+    scene = street(tmp_path, ["a.png", "a.png"])
+    assert scene.warnings == ()
+    said: list[str] = []
+
+    class Listening(NoProgress):
+        def note(self, text: str) -> None:
+            said.append(text)
+
+    cache = MeshCache(scene)
+    survey([None] * 3, lambda wanted: (survey_mesh(cache, k, scene.meshes[k]) for k in wanted), Listening())
+    assert said == [f"{tmp_path}/a.png: is not an image that can be read; its surfaces have default colours"]
 
 
 def test_mirrored_walls_of_a_multisurface_are_seen_from_both_sides(tmp_path: Path) -> None:

@@ -87,6 +87,17 @@ def test_what_cannot_be_placed_is_counted(tmp_path: Path) -> None:
     assert notes(scene) == ["left out 8 shapes that cannot be read", "left out 8 objects without geometry"]
 
 
+def test_only_geometries_that_are_used_part_an_object_from_its_template(tmp_path: Path) -> None:
+    city = city_with_template()
+    nowhere = {**instance(city, (0, 0, 0)), "boundaries": [10**6]}
+    city.add("gone", nowhere, nowhere, kind="CityFurniture")
+    city.add("first", instance(city, (1, 0, 0)), kind="CityFurniture")
+    city.add("second", instance(city, (3, 0, 0)), nowhere, kind="CityFurniture")
+    scene = city.read(tmp_path)
+    assert scene.attributes["id"].tolist() == ["first", "second"]
+    assert scene.instances.mesh.tolist() == [0, 0]
+
+
 def test_copies_are_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(templates, "MOST_CORNERS", 50)
     city = city_with_template()

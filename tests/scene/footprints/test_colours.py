@@ -24,6 +24,9 @@ from farfield.scene.model import Mesh
         ("#abc", (170, 187, 204)),
         (" #b4C9b3 ", (180, 201, 179)),
         ("rgb(1,2,3)", (1, 2, 3)),
+        ("rgb(300,0,0)", None),
+        ("rgb(200%,0%,0%)", None),
+        ("hsl(0,500%,50%)", None),
         ("beton", None),
         ("#12", None),
         ("", None),
@@ -35,9 +38,9 @@ def test_words_of_colours(word: str, color: tuple[int, int, int] | None) -> None
 
 
 def test_columns_of_words() -> None:
-    colors, unknown = colours_of(np.array(["red;white", None, "beton", 5, "", "beton"], object))
-    assert colors.tolist() == [[255, 0, 0, 255]] + [[0] * 4] * 5
-    assert unknown == 2
+    colors, unknown = colours_of(np.array(["red;white", None, "beton", 5, "", "beton", "rgb(300,0,0)"], object))
+    assert colors.tolist() == [[255, 0, 0, 255]] + [[0] * 4] * 6
+    assert unknown == 3
     materials, unknown = materials_of(np.array(["Brick", "roof tiles", "unobtainium"], object))
     assert (materials[:, 3] > 0).tolist() == [True, True, False]
     assert unknown == 1

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.cityjson.document import mapping, sequence
+from farfield.scene.textures import is_image
 
 Color = tuple[int, int, int, int]
 """sRGB bytes and alpha."""
@@ -35,11 +36,12 @@ class Images:
     def __init__(self, path: Path) -> None:
         self.found: list[Image] = []
         self.missing: dict[str, None] = {}
+        self.unreadable: dict[str, None] = {}
         self._folder = path.parent
         self._number: dict[str, int] = {}
 
     def number(self, name: object) -> int:
-        """Of an image in `found`, or -1: what is on the web or not there is missing, and noted."""
+        """Of an image in `found`, or -1: what is on the web, not there, or no image is noted."""
         if not isinstance(name, str) or not name:
             return _MISSING
         if name not in self._number:
@@ -54,6 +56,9 @@ class Images:
             facts = path.stat()
         except (OSError, ValueError):
             self.missing[name] = None
+            return _MISSING
+        if not is_image(path):
+            self.unreadable[name] = None
             return _MISSING
         self.found.append(Image(str(path.absolute()), facts.st_size, facts.st_mtime_ns))
         return len(self.found) - 1
@@ -101,12 +106,13 @@ def is_seen(color: Color) -> bool:
 
 
 def report(images: Images, where: str, faults: Counter[str]) -> list[str]:
-    """A line about images that are missing, and those of surfaces that are counted already."""
+    """A line about images that are missing, one about those that are none, and those of surfaces counted already."""
     lines = []
-    if count := len(images.missing):
-        first = next(iter(images.missing))
-        names = first if count == 1 else f"{first} and {count - 1:,} more"
-        lines.append(f"{where}: cannot find the image {names}; their surfaces have default colours")
+    for verb, names in (("find", images.missing), ("read", images.unreadable)):
+        if names:
+            first, *others = names
+            more = f" and {len(others):,} more" if others else ""
+            lines.append(f"{where}: cannot {verb} the image {first}{more}; their surfaces have default colours")
     if count := faults.pop("texture", 0):
         noun = "surface has" if count == 1 else "surfaces have"
         lines.append(f"{where}: {count:,} {noun} texture coordinates that do not exist, and default colours")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import InputError
 from farfield.scene.cityjson.appearance import Image
+from farfield.scene.cityjson.decoded import DecodedImages
 from farfield.scene.cityjson.faces import Faces
 from farfield.scene.cityjson.kinds import Family, Role
 from farfield.scene.cityjson.palette import default_colors, roles_told
@@ -20,9 +20,9 @@ from farfield.scene.faults import counted
 from farfield.scene.footprints.facades import VARIANTS, facade_material, plain_material, variant_of, wall_tints
 from farfield.scene.footprints.rings import stretches
 from farfield.scene.model import Material, Mesh, Texture
-from farfield.scene.textures import decode_image
 
 _CUTOFF = 0.5
+_DECODED = DecodedImages()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +37,7 @@ class CityChunk:
     height: NDArray[np.float64]
     """(n,) metres from its lowest to its highest point."""
     images: tuple[Image, ...]
+    """Each is decoded when the chunk is loaded."""
     facades: bool
 
     @property
@@ -44,9 +45,18 @@ class CityChunk:
         """(3,) coordinates of the mesh's zero: the lowest corner, whole metres."""
         return np.asarray(np.floor(self.faces.points.min(axis=0)))
 
+    def of_own_images(self) -> CityChunk:
+        """The same with only the images that its faces have."""
+        textured = self.faces.image >= 0
+        used, number = np.unique(self.faces.image[textured], return_inverse=True)
+        image = self.faces.image.copy()
+        image[textured] = number
+        images = tuple(self.images[k] for k in used.tolist())
+        return replace(self, faces=replace(self.faces, image=image), images=images)
+
     def load(self) -> Mesh:
         """Triangulates the faces: 100,000 triangles take about 0.2 s."""
-        textures, warnings = _textures(self.images, self.name)
+        textures, warnings = _textures(self.images)
         faces = self.faces
         absent = np.array([texture is None for texture in textures], bool)
         if absent.any():
@@ -149,19 +159,14 @@ def _own_material(kind: int, both: bool) -> Material:
     return replace(plain_material() if kind == 0 else facade_material(kind - 1), double_sided=both)
 
 
-def _textures(images: tuple[Image, ...], where: str) -> tuple[list[Texture | None], list[str]]:
-    """Each image decoded, or None and a line that says why not."""
+def _textures(images: tuple[Image, ...]) -> tuple[list[Texture | None], list[str]]:
+    """Each image decoded, or None and a line that says why not: the same one in all chunks that have the image."""
     found: list[Texture | None] = []
     lines = []
     for image in images:
         try:
-            found.append(_decoded(image))
+            found.append(_DECODED.get(image))
         except InputError as error:
             found.append(None)
-            lines.append(f"{where}: image {Path(image.path).name}: {error.what}; its surfaces have default colours")
+            lines.append(f"{image.path}: {error.what}; its surfaces have default colours")
     return found, lines
-
-
-@lru_cache(maxsize=64)
-def _decoded(image: Image) -> Texture:
-    return decode_image(Path(image.path), image.path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from farfield.scene.cityjson.appearance import Appearance, Images, appearance_of
-from farfield.scene.cityjson.crs import Projection, in_metres
+from farfield.scene.cityjson.crs import METRES, Frame, in_metres
 from farfield.scene.cityjson.document import Document, Header, mapping, open_documents, sequence
 from farfield.scene.cityjson.faces import Faces
 from farfield.scene.cityjson.gather import Gatherer
@@ -54,11 +54,11 @@ class _Reading:
         self._rows: list[dict[str, Any]] = []
         self._placed: list[Placed] = []
         self._mixed: set[int] = set()
-        """Objects with more than one template."""
+        """Objects that are more than one template."""
         self._images = Images(path)
         self._given = mapping(header.json.get("appearance"))
         self._looks = appearance_of(self._given, self._images)
-        self._frame: tuple[str | None, Projection | None] | None = None
+        self._frame: Frame | None = None
 
     def add(self, document: Document) -> None:
         """Gathers the objects of a document."""
@@ -67,9 +67,8 @@ class _Reading:
         if self._frame is None and len(known):
             options = self._options
             self._frame = in_metres(self._header.reference, known, options.crs, self._where, self._warnings)
-        project = self._frame[1] if self._frame else None
-        if project is not None:
-            points = project(points)
+        if self._frame is not None and self._frame.project is not None:
+            points = self._frame.project(points)
         self._gatherer.add_points(points)
         looks = self._looks if document.appearance is self._given else appearance_of(document.appearance, self._images)
         for group in groups_of(document.objects, self._faults):
@@ -84,16 +83,16 @@ class _Reading:
             for member, found in zip(group.members, chosen(group.members, self._options.lod, templates), strict=True)
             for geometry in found
         ]
-        before = len(gatherer)
+        surfaces, placements = len(gatherer), len(self._placed)
         for geometry, family in geometries:
             if geometry["type"] == INSTANCE:
                 self._place(geometry, owner, family)
             else:
                 gatherer.add(geometry, owner, family, looks)
-        if len(geometries) > 1:
+        used = len(self._placed) - placements + (len(gatherer) > surfaces)
+        if used > 1:
             self._mixed.add(owner)
-        has_any = len(gatherer) > before or (len(self._placed) > 0 and self._placed[-1].owner == owner)
-        if has_any:
+        if used:
             self._rows.append(attributes_of(group))
         elif group.members[0].get("type") != "CityObjectGroup":
             self._faults["object without geometry"] += 1
@@ -108,7 +107,8 @@ class _Reading:
                     self._faults["shape that cannot be read"] += 1
 
     def _place(self, geometry: dict[str, Any], owner: int, family: Family) -> None:
-        one = placed(geometry, owner, family, self._gatherer.points)
+        unit = self._frame.unit if self._frame else METRES
+        one = placed(geometry, owner, family, self._gatherer.points, unit)
         if one is None:
             self._faults["shape that cannot be read"] += 1
         else:
@@ -122,6 +122,6 @@ class _Reading:
         chosen_ones = {id(one) for one in alone}
         copies = templates.copies([one for one in self._placed if id(one) not in chosen_ones])
         faces = Faces.joined([self._gatherer.faces(), *copies])
-        crs = self._frame[0] if self._frame else self._options.crs
+        crs = self._frame.crs if self._frame else self._options.crs
         shared = [one for one in alone if len(templates.faces(one.template))]
         return City(crs, self._rows, faces, shared, templates, self._images)

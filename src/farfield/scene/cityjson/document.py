@@ -36,7 +36,7 @@ class Header:
     templates: tuple[Any, ...]
     """Geometries of geometry-templates."""
     template_vertices: NDArray[np.float64]
-    """(n, 3), NaN where unusable; metres, not transformed."""
+    """(n, 3), NaN where unusable; in the unit of the CRS (metres where that is degrees), not transformed."""
     json: dict[str, Any]
 
 

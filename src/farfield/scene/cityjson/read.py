@@ -119,7 +119,7 @@ def _pieces(faces: Faces, most: int) -> Iterator[Faces]:
 def _part(chunk: CityChunk, objects: NDArray[np.int64], continued: bool = False) -> _Part:
     transform = np.eye(4)[None, :3].copy()
     transform[0, :, 3] = chunk.corner
-    return _Part(chunk, transform, objects, continued)
+    return _Part(chunk.of_own_images(), transform, objects, continued)
 
 
 def _shared(city: City, where: str) -> Iterator[_Part]:
@@ -134,7 +134,7 @@ def _shared(city: City, where: str) -> Iterator[_Part]:
         placed = [one for one in city.shared if (one.template, one.family) == (template, family)]
         transforms = np.array([one.transform for one in placed])
         transforms[:, :, 3] += transforms[:, :, :3] @ chunk.corner
-        yield _Part(chunk, transforms, np.array([one.owner for one in placed], np.int64))
+        yield _Part(chunk.of_own_images(), transforms, np.array([one.owner for one in placed], np.int64))
 
 
 def _scene(parts: list[_Part], crs: str | None) -> Scene:

@@ -32,10 +32,12 @@ class Placed:
     """(3, 4) from the template to coordinates of the CRS."""
 
 
-def placed(geometry: dict[str, Any], owner: int, family: Family, points: NDArray[np.float64]) -> Placed | None:
+def placed(
+    geometry: dict[str, Any], owner: int, family: Family, points: NDArray[np.float64], unit: tuple[float, float]
+) -> Placed | None:
     """The placement that an instance asks for; None when its matrix or reference point is none.
 
-    points: (n, 3) of the document, in the CRS that is read in; the template itself is in metres.
+    points: (n, 3) of the document, in the CRS that is read in. unit: metres of the template's, along the ground and up.
     """
     ring = sequence(geometry.get("boundaries"))[:1]
     if not is_ring(ring, len(points)):
@@ -44,6 +46,7 @@ def placed(geometry: dict[str, Any], owner: int, family: Family, points: NDArray
         matrix = np.array(geometry.get("transformationMatrix", np.eye(4)), np.float64).reshape(4, 4)[:3].copy()
     except (ValueError, TypeError, OverflowError):
         return None
+    matrix *= np.array([[unit[0]], [unit[0]], [unit[1]]])
     matrix[:, 3] += points[ring[0]]
     return Placed(owner, family, geometry["template"], matrix) if np.isfinite(matrix).all() else None
 

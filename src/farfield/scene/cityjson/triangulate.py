@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
 from farfield.scene.footprints.rings import next_in_ring, starts_of
 from farfield.scene.shading import unit
-from farfield.scene.surfaces.polygons import fan_corners
+from farfield.scene.surfaces.clipping import flat_triangles
 
 SMALLEST = 1e-6
 """Square metres; smaller faces are none."""
@@ -62,13 +60,7 @@ def triangulate(places: NDArray[np.float64], ring_start: NDArray[np.int64], face
     normal[outlines.face[solid]] = unit(vectors[solid])
     flat = _flattened(outlines, vectors)
     convex = _convex(outlines, flat) & solid
-    starts = outlines.ring_start[outlines.face_start]
-    sizes = np.diff(starts)
-    fans = fan_corners(sizes)[np.repeat(convex, np.maximum(sizes - 2, 0))]
-    parts: list[NDArray[Any]] = [fans]
-    for row in np.flatnonzero(solid & ~convex):
-        parts.append(_clipped(outlines, flat, int(row)))
-    corners = _turned(flat, np.concatenate(parts))
+    corners = flat_triangles(flat, outlines.ring_start, outlines.face_start, convex, solid & ~convex)
     corners = corners[np.argsort(outlines.face_of[corners[:, 0]], kind="stable")]
     face = outlines.face[outlines.face_of[corners[:, 0]]]
     return Triangles(outlines.at[corners], face, normal, len(normal) - len(np.unique(face)))
@@ -139,20 +131,3 @@ def _convex(outlines: _Outlines, flat: NDArray[np.float64]) -> NDArray[np.bool_]
     left = np.minimum.reduceat(cross, starts) >= 0
     turned = np.add.reduceat(angle, starts)
     return np.asarray(left & (turned < _ONE_TURN) & (np.diff(outlines.face_start) == 1))
-
-
-def _clipped(outlines: _Outlines, flat: NDArray[np.float64], row: int) -> NDArray[np.int64]:
-    """(m, 3) places in the outlines' corners of a face, by ear clipping."""
-    first, last = outlines.face_start[row : row + 2]
-    low, high = outlines.ring_start[first], outlines.ring_start[last]
-    ends = (outlines.ring_start[first + 1 : last + 1] - low).astype(np.uint32)
-    corners = mapbox_earcut.triangulate_float64(flat[low:high], ends)
-    return np.asarray(corners.reshape(-1, 3).astype(np.int64) + low)
-
-
-def _turned(flat: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles turned as their face is; those without area dropped."""
-    a, b, c = (flat[triangles[:, k]] for k in range(3))
-    cross = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    triangles = np.where((cross < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    return triangles[np.abs(cross) > 1e-9]

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from farfield.scene.footprints.facades import BAY, BAYS, FLOOR, FLOORS, PIER
+from farfield.scene.footprints.facades import BAY, BAYS, FLOOR, FLOORS, PIER, SHORTEST_WINDOW_WALL
 
 STEEPEST = 0.3
 """Vertical share of a normal up to which a face is a wall."""
-SHORTEST, LOWEST = 1.5, 2.0
-"""Metres; shorter and lower walls have no windows."""
+LOWEST = 2.0
+"""Metres; lower walls have no windows."""
 _SAME_DIRECTION = 0.0035
 """Radians: corners rounded to millimetres turn the normal of a wall of a metre by a third of it."""
 _SAME_PLANE = 0.05
@@ -48,7 +48,7 @@ def facade_uvs(
     low, high = _extents(points[:, 2], wall[face])
     length, height = (high_run - low_run)[wall], (high - low)[wall]
     bays = np.maximum(np.round(length / BAY), 1)
-    bare = (length < SHORTEST) | (height < LOWEST)
+    bare = (length < SHORTEST_WINDOW_WALL) | (height < LOWEST)
     bays = np.where(bare, PIER, bays)
     floors = np.maximum(np.round(height / FLOOR), 1)
     left = ((seed >> np.uint32(8)) % np.uint32(BAYS))[face]

@@ -40,9 +40,10 @@ def colour_of(word: str) -> tuple[int, int, int] | None:
     word = re.sub(r"[\s_-]+", "", word.lower())
     try:
         red, green, blue, *_ = ImageColor.getrgb(word)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
-    return red, green, blue
+    # Pillow reads rgb(300,0,0) and hsl(0,500%,50%) as they are.
+    return (red, green, blue) if all(0 <= part <= 255 for part in (red, green, blue)) else None
 
 
 def _looked_up(column: NDArray[Any], meaning: Any) -> tuple[NDArray[np.uint8], int]:

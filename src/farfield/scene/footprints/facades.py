@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.geometry.color import LINEAR_OF_BYTE, linear_from_srgb, srgb_from_linear
+from farfield.scene.footprints.seeds import fractions
 from farfield.scene.model import Material, Texture
 from farfield.scene.procedural.noise import tiling_noise
 
@@ -197,15 +198,6 @@ def _panes(
     blind = (rng.random((FLOORS, BAYS, 1)) < look.lit) & (height > look.head - drawn * (look.head - look.sill))
     color = np.where(rng.random((FLOORS, BAYS, 1, 1)) < 0.3, np.array([214, 190, 138.0]), np.array([172, 172, 166.0]))
     return np.where(blind[..., None], color, glass)
-
-
-def fractions(seed: NDArray[np.uint32], stream: int) -> NDArray[np.float64]:
-    """(n,) in 0..1, independent for each stream."""
-    mixed = seed.astype(np.uint64) + np.uint64((0x9E3779B97F4A7C15 * (stream + 1)) % (1 << 64))
-    with np.errstate(over="ignore"):
-        mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return (mixed >> np.uint64(40)).astype(np.float64) / (1 << 24)
 
 
 def _opaque(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -28,12 +28,12 @@ def form_of(
     details, named = form.details, options.min_height_attribute
     if named is not None:
         lift = numbers(table.columns[named_column(table.columns, named, where)])
-        details = replace(details, lift=np.where(lift > 0, lift, 0.0))
+        details = replace(details, lift=np.where(np.isnan(lift), 0.0, lift))
     if options.wall_color_attribute is not None:
         details = replace(details, wall_color=_colors(table, options.wall_color_attribute, where, warnings))
     if options.roof_color_attribute is not None:
         details = replace(details, roof_color=_colors(table, options.roof_color_attribute, where, warnings))
-    return _above_its_bottom(replace(form, details=details), where, warnings)
+    return _standing(replace(form, details=details), where, warnings)
 
 
 def _colors(table: FeatureTable, named: str, where: str, warnings: list[str]) -> NDArray[np.uint8]:
@@ -58,13 +58,23 @@ def _heights(table: FeatureTable, base: NDArray[np.float64], options: ReadOption
     return np.where(stands, height, unknown)
 
 
-def _above_its_bottom(form: Form, where: str, warnings: list[str]) -> Form:
-    """A height that ends below its own beginning was measured from there."""
+def _standing(form: Form, where: str, warnings: list[str]) -> Form:
+    """A height that ends below its own beginning was measured from there; what begins below the ground, or would end
+    above all buildings for it, begins at the ground.
+    """
     lift = form.details.lift
     if lift is None:
         return form
     short = form.height <= lift
+    top = np.where(short, lift + form.height, lift)
+    absurd = (lift < 0) | (top >= TALLEST)
+    if absurd.any():
+        mended = counted(int(absurd.sum()), "building")
+        what = f"{mended} whose walls would begin below 0 m or end above {TALLEST:,.0f} m"
+        warnings.append(f"{where}: {what} are taken from the ground")
+    lift, short = np.where(absurd, 0.0, lift), short & ~absurd
     if short.any():
         mended = counted(int(short.sum()), "height")
         warnings.append(f"{where}: {mended} that end below where the walls begin are taken from there")
-    return replace(form, height=np.where(short, lift + form.height, form.height))
+    height = np.where(short, lift + form.height, form.height)
+    return replace(form, height=height, details=replace(form.details, lift=lift))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
-import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,7 +28,7 @@ from farfield.scene.footprints.rings import Rings, next_in_ring, starts_of
 from farfield.scene.footprints.unique import FACADE_SIDE, Layout, Styles
 from farfield.scene.model import Material, Mesh
 from farfield.scene.options import Facades
-from farfield.scene.surfaces.polygons import fan_corners
+from farfield.scene.surfaces.clipping import flat_triangles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,23 +246,13 @@ def _floors(buildings: Buildings, roofs: _Surface) -> _Surface:
 def roof_triangles(rings: Rings) -> NDArray[np.int64]:
     """(m, 3) into the vertices, counter-clockwise from above: fans of convex polygons, ear clipping of the others.
 
-    Two thirds of Tokyo's footprints are convex; fans are all made at once, ear clipping takes 5 µs a polygon.
+    Two thirds of Tokyo's footprints are convex.
     """
     turn = _turns(rings)
     least = np.minimum.reduceat(turn, rings.ring_start[:-1])[rings.polygon_start[:-1]]
     convex = (least >= 0) & (np.diff(rings.polygon_start) == 1)
-    starts = rings.ring_start[rings.polygon_start]
-    sizes = np.diff(starts)
-    all_fans = fan_corners(sizes)
-    fans = all_fans[np.repeat(convex, np.maximum(sizes - 2, 0))]
-    parts: list[NDArray[Any]] = [fans]
-    for polygon in np.flatnonzero(~convex):
-        first, last = rings.polygon_start[polygon : polygon + 2]
-        low, high = rings.ring_start[first], rings.ring_start[last]
-        ends = (rings.ring_start[first + 1 : last + 1] - low).astype(np.uint32)
-        corners = mapbox_earcut.triangulate_float64(rings.xy[low:high].astype(np.float64), ends)
-        parts.append(corners.reshape(-1, 3).astype(np.int64) + low)
-    return _upward(rings.xy.astype(np.float64), np.concatenate(parts))
+    xy = rings.xy.astype(np.float64)
+    return flat_triangles(xy, rings.ring_start, rings.polygon_start, convex, ~convex)
 
 
 def _turns(rings: Rings) -> NDArray[np.float64]:
@@ -274,14 +262,6 @@ def _turns(rings: Rings) -> NDArray[np.float64]:
     edge = xy[following] - xy
     after = edge[following]
     return edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0]
-
-
-def _upward(xy: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles turned to face up; those without area dropped."""
-    a, b, c = (xy[triangles[:, k]] for k in range(3))
-    cross = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    triangles = np.where((cross < 0)[:, None], triangles[:, [0, 2, 1]], triangles)
-    return triangles[np.abs(cross) > 1e-9]
 
 
 def _vertex_feature(rings: Rings) -> NDArray[np.int64]:

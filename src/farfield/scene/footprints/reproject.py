@@ -16,6 +16,7 @@ Projection = Callable[[NDArray[np.object_]], NDArray[np.object_]]
 
 _BATCH = 16_384
 """Features looked at together for their bounds; those of a file in metres are known after the first."""
+_TRY = "give an authority code such as EPSG:6677"
 
 
 def in_metres(
@@ -72,13 +73,26 @@ def _projection(source: str, target: str, where: str) -> Projection:
 def points_projection(source: str, target: str, where: str) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """(n, 2) points x, y (or longitude, latitude) of one coordinate reference system to the same in another.
 
-    Raises InputError and MissingExtraError.
+    Raises InputError, for a target that is not in metres as well, and MissingExtraError.
     """
+    project = _projected(source, target, where)
+    axes = load_pyproj(where).CRS.from_user_input(target).axis_info
+    if any(axis.unit_conversion_factor != 1 for axis in axes):
+        raise InputError(f"cannot be brought to {target}, which is not in metres", where, _TRY)
+    return project
+
+
+def in_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.float64]:
+    """(n, 2) longitude and latitude of points x, y. Raises InputError and MissingExtraError."""
+    return _projected(crs, "OGC:CRS84", where)(points)
+
+
+def _projected(source: str, target: str, where: str) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     pyproj = load_pyproj(where)
     try:
         transformer = pyproj.Transformer.from_crs(source, target, always_xy=True)
     except pyproj.exceptions.CRSError as error:
-        raise InputError(f"cannot be brought to {target}", where, "give an authority code such as EPSG:6677") from error
+        raise InputError(f"cannot be brought to {target}", where, _TRY) from error
 
     def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.stack(transformer.transform(points[:, 0], points[:, 1]), -1)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from farfield.geometry.color import LINEAR_OF_BYTE
 from farfield.kernels import facade as kernels
-from farfield.scene.footprints.facades import SHORTEST_WINDOW_WALL, fractions
+from farfield.scene.footprints.facades import SHORTEST_WINDOW_WALL
+from farfield.scene.footprints.seeds import fractions
 from farfield.scene.footprints.use import use_of
 from farfield.scene.model import Material, Texture
 

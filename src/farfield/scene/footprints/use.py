@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -10,33 +11,46 @@ from numpy.typing import NDArray
 UNKNOWN, RESIDENTIAL, OFFICE, INDUSTRIAL, RETAIL = range(5)
 _BITS = 3
 
-_WORDS: dict[int, tuple[str, ...]] = {
-    INDUSTRIAL: ("indust", "factory", "warehouse", "manufactur", "hangar", "fabrik", "lager", "gewerbe",
-                 "usine", "entrepôt", "entrepot", "agric", "fábrica", "fabrica", "almacén", "almacen", "magazzin",
-                 "fabriek", "工場", "工业", "工業", "倉庫", "仓库", "運輸", "農林"),
-    RESIDENTIAL: ("resid", "résid", "dwelling", "apartment", "house", "housing", "detached", "terrace", "dormitor",
-                  "hotel", "hôtel", "wohn", "habitation", "logement", "maison", "vivienda", "abitaz", "abitativ",
-                  "woon", "住宅", "住居", "宿泊", "住宿"),
-    OFFICE: ("office", "business", "government", "civic", "public", "school", "universit", "hospital", "büro", "buero",
-             "verwaltung", "bureau", "tertiaire", "administra", "oficina", "uffici", "direzional", "kantoor", "業務",
-             "事務所", "オフィス", "官公庁", "文教", "办公"),
-    RETAIL: ("retail", "shop", "store", "market", "restaurant", "commerc", "handel", "laden", "geschäft",
-             "magasin", "comercio", "comercial", "tienda", "negozi", "winkel", "商業", "店舗", "商业"),
-}  # fmt: skip
-"""Parts of words, in the order in which they are looked for: a warehouse is no house."""
+_WORDS: dict[int, tuple[str, str]] = {
+    INDUSTRIAL: (
+        "indust factory warehouse manufactur hangar usine entrepôt entrepot agric fábrica fabrica almac magazzin",
+        "fabrik lager gewerbe fabriek 工場 工业 工業 倉庫 仓库 運輸 農林",
+    ),
+    RESIDENTIAL: (
+        "resid résid dwelling apartment house housing townhouse farmhouse detached semidetached terrace dormitor hotel "
+        "hôtel habitation logement maison vivienda abitaz abitativ",
+        "wohn woon 住宅 住居 宿泊 住宿",
+    ),
+    OFFICE: (
+        "office business government civic public school universit hospital bureau tertiaire administra oficina uffici "
+        "direzional",
+        "büro buero verwaltung kantoor 業務 事務所 オフィス 官公庁 文教 办公",
+    ),
+    RETAIL: (
+        "retail shop store market supermar supermerc hypermar restaurant commerc magasin comerci tienda negozi",
+        "handel laden geschäft winkel 商業 店舗 商业",
+    ),
+}
+"""Beginnings of words, and what may stand inside them as well: German and Dutch join words, Chinese and Japanese do not
+part them. In the order in which they are looked for: a public market is an office."""
+_MEANT = {
+    use: re.compile(rf"(?<![^\W\d_])(?:{'|'.join(begins.split())})|{'|'.join(anywhere.split())}")
+    for use, (begins, anywhere) in _WORDS.items()
+}
 
 
 def uses_of(column: NDArray[Any]) -> NDArray[np.uint32]:
-    """(n,) uint32 use of each text; UNKNOWN for numbers and words that say nothing."""
-    known: dict[Any, int] = {}
-    return np.array([known.setdefault(value, _use(value)) for value in column.tolist()], np.uint32)
+    """(n,) uint32 use of each text; UNKNOWN for numbers and words that say nothing. Each text is understood once."""
+    values = column.tolist()
+    known = {value: _use(value) for value in set(values)}
+    return np.array([known[value] for value in values], np.uint32)
 
 
 def _use(value: Any) -> int:
     if not isinstance(value, str):
         return UNKNOWN
     text = value.lower()
-    return next((use for use, words in _WORDS.items() if any(word in text for word in words)), UNKNOWN)
+    return next((use for use, meant in _MEANT.items() if meant.search(text)), UNKNOWN)
 
 
 def with_use(seed: NDArray[np.uint32], use: NDArray[np.uint32]) -> NDArray[np.uint32]:
