@@ -183,7 +183,7 @@ def test_of_whatever_maps_it_can_be_stored_and_read(
     ]
     children = []
     for number, place in enumerate(places):
-        own = random_map(seed + number, by_area, bool(number % 2), holes=0.3)
+        own = random_map(seed + number, by_area, bool(number % 2), holes=0.3, hanging=float(random.integers(0, 2)) / 2)
         if present >> number % 4 & 1:
             codes = np.zeros_like(own.codes)
             codes[tuple(random.integers(0, 16, 2))] = random.integers(1, 256)
@@ -194,6 +194,7 @@ def test_of_whatever_maps_it_can_be_stored_and_read(
     assert found.codes.any()
     read = decode_blockmap(encode_blockmap(found, 75), "")
     np.testing.assert_array_equal(read.codes, found.codes)
+    np.testing.assert_array_equal(read.floors, found.floors)
     assert read.unfolded.rows <= 16
 
 
