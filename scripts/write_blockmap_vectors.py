@@ -4,10 +4,10 @@
 
 Each `NAME.json` holds an encoded BlockMap and its object ids (base64), the extent of its cell, and what a reader finds
 in them: low, step, columns of a side, the heights that distances are told for and the highest point as numbers; the
-rest deflated, base64: `tops` (n, n, 4) code and three distances, `slopes` (n, n, 2) signed or empty, `sides`
-(4, n, n, 4) first column, first row and rows in the image of walls and the normal in 64ths of a turn, `objects` (n, n)
-u32. Colour is lossy: a reader's may differ from `color`, the mean of all, by `color_tolerance`. `corrupt` are values
-that must be refused, all but the first two with a right checksum.
+rest deflated, base64: `tops` (n, n, 4) code and three distances, `slopes` (n, n, 2) signed or empty, `floors` (n, n)
+codes or empty, `sides` (4, n, n, 4) first column, first row and rows in the image of walls and the normal in 64ths of a
+turn, `objects` (n, n) u32. Colour is lossy: a reader's may differ from `color`, the mean of all, by `color_tolerance`.
+`corrupt` are values that must be refused, all but the first two with a right checksum.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import json
 import struct
 import sys
 import zlib
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -43,12 +45,15 @@ def subjects() -> dict[str, BlockMap]:
         "middle-by-column": _town(middle, 4, by_area=False, sloped=True),
         "noise": _noise(middle, 5),
         "one-texel": _one_texel(small),
+        "hanging-by-area": _town(small, 7, by_area=True, sloped=True, hanging=True),
+        "hanging-by-column": _town(small, 8, by_area=False, sloped=False, hanging=True),
     }
 
 
 def _made(
-    size: BlockMapSize, codes: NDArray[np.uint8], chance: np.random.Generator, by_area: bool, sloped: bool, least: int
-) -> BlockMap:
+    size: BlockMapSize, codes: NDArray[np.uint8], chance: np.random.Generator, by_area: bool, sloped: bool, least: int,
+    hanging: bool = False,
+) -> BlockMap:  # fmt: skip
     """With a rim, slopes and normals at random, and the finest texels on walls that there is room for."""
     n, m = size.side, size.columns
     slopes = chance.integers(-127, 128, (n, n, 2)) * (chance.random((n, n, 1)) < 0.3) * (codes[..., None] > 0)
@@ -59,18 +64,21 @@ def _made(
         colors, np.empty(0, np.uint8),
         chance.choice(np.array([0, 7, 2**32 - 1, 300, 70_000], np.uint32), (n, n)),
     )  # fmt: skip
+    if hanging:
+        floors = chance.integers(0, codes.astype(int) + 1) * (chance.random((n, n)) < 0.5)
+        blockmap = replace(blockmap, floors=floors.astype(np.uint8))
     fitted = fitted_to(blockmap, EXTENT[0] / n)
     return fitted.with_turns(chance.integers(0, 64, len(fitted.unfolded.sides), dtype=np.uint8))
 
 
-def _town(size: BlockMapSize, seed: int, by_area: bool, sloped: bool) -> BlockMap:
-    """Bodies on ground with holes."""
+def _town(size: BlockMapSize, seed: int, by_area: bool, sloped: bool, hanging: bool = False) -> BlockMap:
+    """Bodies on ground with holes. hanging: half of the texels have floors."""
     chance, n = np.random.default_rng(seed), size.side
     codes = chance.integers(1, 6, (n, n), dtype=np.uint8)
     for _ in range(n // 2):
         (i, j), (width, depth) = chance.integers(0, n, 2), chance.integers(2, 2 + n // 4, 2)
         codes[j : j + depth, i : i + width] = chance.integers(0, 256) * (chance.random() < 0.9)
-    return _made(size, codes, chance, by_area, sloped, 2)
+    return _made(size, codes, chance, by_area, sloped, 2, hanging)
 
 
 def _noise(size: BlockMapSize, seed: int) -> BlockMap:
@@ -95,6 +103,7 @@ def expectation(blockmap: bytes, objects: bytes) -> dict[str, object]:
     turns = np.round(found.azimuths * (64 / (2 * np.pi))).astype(np.int64) % 64 * own.is_wall
     sides = np.concatenate([own.places, turns[..., None]], axis=-1).transpose(2, 0, 1, 3)
     slopes = np.empty(0, np.int8) if found.slopes is None else found.slopes
+    floors = np.empty(0, np.uint8) if found.floors is None else found.floors
     return {
         "extent": list(EXTENT),
         "n": n,
@@ -108,6 +117,7 @@ def expectation(blockmap: bytes, objects: bytes) -> dict[str, object]:
         "highest": castable.span[1] - EXTENT[0] / n / MARGIN,
         "tops": _packed(tops),
         "slopes": _packed(slopes),
+        "floors": _packed(floors),
         "sides": _packed(sides.astype(np.uint8)),
         "objects": _packed(decode_objects(objects, "").astype("<u4")),
         "color": found.colors.mean(axis=(0, 1)).round(3).tolist(),
@@ -124,64 +134,93 @@ def _text(content: bytes) -> str:
     return base64.b64encode(content).decode()
 
 
-def corrupt(blockmap: bytes) -> dict[str, bytes]:
-    """Damaged ones by name, of one by area with slopes."""
+class _Sound:
+    """A BlockMap to be damaged: the checksum of what comes of it is right."""
 
-    def sealed(value: bytes) -> bytes:
-        return value[:36] + struct.pack("<I", zlib.crc32(value[:36] + bytes(4) + value[40:])) + value[40:]
+    def __init__(self, blockmap: bytes) -> None:
+        self.whole, self.flags = blockmap, blockmap[7]
+        self._ends = np.cumsum([40, *struct.unpack_from("<III", blockmap, 24)]).tolist()
+        self.heights, self.slopes, self.turns = (
+            zlib.decompress(blockmap[begin:end], -15) if end > begin else b"" for begin, end in pairwise(self._ends)
+        )
+        self.color = blockmap[self._ends[3] :]
 
-    def with_field(form: str, at: int, number: float) -> bytes:
-        changed = bytearray(blockmap)
+    def with_field(self, form: str, at: int, number: float) -> bytes:
+        """With another number in its header."""
+        changed = bytearray(self.whole)
         struct.pack_into(form, changed, at, number)
-        return sealed(bytes(changed))
+        return _sealed(bytes(changed))
 
-    lengths = struct.unpack_from("<III", blockmap, 24)
-    ends = np.cumsum([40, *lengths])
-
-    def with_stream(number: int, content: bytes, flags: int = blockmap[7]) -> bytes:
+    def with_stream(self, number: int, content: bytes) -> bytes:
+        """With other heights, slopes or turns."""
         packer = zlib.compressobj(9, zlib.DEFLATED, -15)
         packed = packer.compress(content) + packer.flush()
-        head = bytearray(blockmap[:40])
-        head[7] = flags
+        head = bytearray(self.whole[:40])
         struct.pack_into("<I", head, 24 + 4 * number, len(packed))
-        return sealed(bytes(head) + blockmap[40 : ends[number]] + packed + blockmap[ends[number + 1] :])
+        return _sealed(
+            bytes(head) + self.whole[40 : self._ends[number]] + packed + self.whole[self._ends[number + 1] :]
+        )
 
-    heights, slopes, turns = (zlib.decompress(blockmap[ends[k] : ends[k + 1]], -15) for k in range(3))
-    n, middle = blockmap[6], len(blockmap) // 2
-    floors = bytearray(n * n)
-    floors[0] = heights[0] + 1
+    def with_color(self, content: bytes) -> bytes:
+        """With another picture."""
+        return _sealed(self.whole[: self._ends[3]] + content)
+
+
+def _sealed(value: bytes) -> bytes:
+    return value[:36] + struct.pack("<I", zlib.crc32(value[:36] + bytes(4) + value[40:])) + value[40:]
+
+
+def corrupt(blockmap: bytes) -> dict[str, bytes]:
+    """Damaged ones by name, of one by area with slopes and without floors."""
+    sound, n, middle = _Sound(blockmap), blockmap[6], len(blockmap) // 2
     return {
         "truncated": blockmap[:middle],
         "altered": blockmap[:middle] + bytes([blockmap[middle] ^ 1]) + blockmap[middle + 1 :],
-        "version": with_field("<H", 4, 2),
-        "reserved": with_field("<H", 14, 1),
-        "side": with_field("<B", 6, 64),
-        "columns": with_field("<H", 8, 256),
-        "flag": with_field("<B", 7, blockmap[7] | 4),
-        "slopes-without-flag": with_field("<B", 7, 1),
-        "flag-without-slopes": with_field("<I", 28, 0),
-        "density": with_field("<B", 10, 8),
-        "finer": with_field("<B", 10, 0),
-        "least": with_field("<B", 11, 0),
-        "scale": with_field("<H", 12, 0),
-        "higher": with_field("<H", 12, 65535),
-        "low": with_field("<f", 16, float("inf")),
-        "step-0": with_field("<f", 20, 0.0),
-        "step-nan": with_field("<f", 20, float("nan")),
-        "step-large": with_field("<f", 20, 1e9),
-        "length": with_field("<I", 24, 2**32 - 1),
-        "heights-short": with_stream(0, heights[:-1]),
-        "heights-long": with_stream(0, heights + b"\0"),
-        "floor-above-code": with_stream(0, heights + bytes(floors), blockmap[7] | 4),
-        "nothing": with_stream(0, bytes(len(heights))),
-        "more-walls": with_stream(0, bytes([1, 255] * n + [255, 1] * n) * (n // 4) + heights[n * n :]),
-        "slopes-short": with_stream(1, slopes[:-1]),
-        "slopes-long": with_stream(1, slopes + b"\0"),
-        "turns-short": with_stream(2, turns[:-1]),
-        "turns-long": with_stream(2, turns + b"\0"),
-        "turn-64": with_stream(2, b"\x40" + turns[1:]),
-        "color-none": sealed(blockmap[: ends[3]]),
-        "color-other": sealed(blockmap[: ends[3]] + b"RIFF" + blockmap[ends[3] + 4 :].replace(b"VP8 ", b"VP8L")),
+        "version": sound.with_field("<H", 4, 2),
+        "reserved": sound.with_field("<H", 14, 1),
+        "side": sound.with_field("<B", 6, 64),
+        "columns": sound.with_field("<H", 8, 256),
+        "flag": sound.with_field("<B", 7, sound.flags | 4),
+        "flag-unknown": sound.with_field("<B", 7, sound.flags | 8),
+        "slopes-without-flag": sound.with_field("<B", 7, 1),
+        "flag-without-slopes": sound.with_field("<I", 28, 0),
+        "density": sound.with_field("<B", 10, 8),
+        "finer": sound.with_field("<B", 10, 0),
+        "least": sound.with_field("<B", 11, 0),
+        "scale": sound.with_field("<H", 12, 0),
+        "higher": sound.with_field("<H", 12, 65535),
+        "low": sound.with_field("<f", 16, float("inf")),
+        "step-0": sound.with_field("<f", 20, 0.0),
+        "step-nan": sound.with_field("<f", 20, float("nan")),
+        "step-large": sound.with_field("<f", 20, 1e9),
+        "length": sound.with_field("<I", 24, 2**32 - 1),
+        "heights-short": sound.with_stream(0, sound.heights[:-1]),
+        "heights-long": sound.with_stream(0, sound.heights + b"\0"),
+        "nothing": sound.with_stream(0, bytes(len(sound.heights))),
+        "more-walls": sound.with_stream(0, bytes([1, 255] * n + [255, 1] * n) * (n // 4) + sound.heights[n * n :]),
+        "slopes-short": sound.with_stream(1, sound.slopes[:-1]),
+        "slopes-long": sound.with_stream(1, sound.slopes + b"\0"),
+        "turns-short": sound.with_stream(2, sound.turns[:-1]),
+        "turns-long": sound.with_stream(2, sound.turns + b"\0"),
+        "turn-64": sound.with_stream(2, b"\x40" + sound.turns[1:]),
+        "color-none": sound.with_color(b""),
+        "color-other": sound.with_color(b"RIFF" + sound.color[4:].replace(b"VP8 ", b"VP8L")),
+    }
+
+
+def corrupt_floors(blockmap: bytes) -> dict[str, bytes]:
+    """Damaged ones by name, of one with floors."""
+    sound, n = _Sound(blockmap), blockmap[6]
+    rim = n * n + n // 2
+    codes, floors = sound.heights[: n * n], sound.heights[rim:]
+    return {
+        "floors-short": sound.with_stream(0, sound.heights[:-1]),
+        "floors-long": sound.with_stream(0, sound.heights + b"\0"),
+        "floors-without-flag": sound.with_field("<B", 7, sound.flags & ~4),
+        # A floor at the top leaves no wall beside what is there: there are turns for walls that are none.
+        "floor-above-code": sound.with_stream(0, sound.heights[:rim] + bytes([codes[0] + 1]) + floors[1:]),
+        "floors-other": sound.with_stream(0, sound.heights[:rim] + codes),
+        "floors-of-nothing": sound.with_stream(0, bytes(n * n) + sound.heights[n * n : rim] + floors),
     }
 
 
@@ -208,14 +247,18 @@ def corrupt_objects(objects: bytes) -> dict[str, bytes]:
 def write(folder: Path) -> None:
     """All files, replacing those there."""
     folder.mkdir(parents=True, exist_ok=True)
+    damaged: dict[str, dict[str, bytes]] = {"blockmap": {}, "object_ids": {}}
     for name, made in subjects().items():
         assert made.objects is not None
         blockmap, objects = encode_blockmap(made, QUALITY), encode_objects(made.objects)
         value = {"blockmap": _text(blockmap), "object_ids": _text(objects), **expectation(blockmap, objects)}
         _write(folder / f"{name}.json", value)
         if name == "small-by-area":
-            damaged = {"blockmap": corrupt(blockmap), "object_ids": corrupt_objects(objects)}
-            _write(folder / "corrupt.json", {k: {n: _text(v) for n, v in of.items()} for k, of in damaged.items()})
+            damaged["blockmap"] |= corrupt(blockmap)
+            damaged["object_ids"] |= corrupt_objects(objects)
+        if name == "hanging-by-area":
+            damaged["blockmap"] |= corrupt_floors(blockmap)
+    _write(folder / "corrupt.json", {k: {n: _text(v) for n, v in of.items()} for k, of in damaged.items()})
 
 
 def _write(path: Path, value: object) -> None:

@@ -24,7 +24,7 @@ class Hit:
     texel: tuple[int, int]
     """Column and row."""
     side: int | None
-    """None: the top."""
+    """None: the top, or the floor, which looks as it does."""
     color: tuple[int, int, int]
     normal: tuple[float, float, float]
     is_close: bool
@@ -41,6 +41,10 @@ class PlainCaster:
         self.slopes = np.zeros((self.n, self.n, 2))
         if blockmap.slopes is not None:
             self.slopes = blockmap.slopes / 32
+        self.floors = np.full((self.n, self.n), -np.inf)
+        if blockmap.floors is not None:
+            metres = blockmap.low + (blockmap.floors.astype(np.float64) - 1) * blockmap.step
+            self.floors[blockmap.floors > 1] = metres[blockmap.floors > 1]
         rise = np.abs(self.slopes * self.texel).sum(axis=-1) / 2
         margin = self.texel[0] / MARGIN
         self.box = np.array([[0, 0, blockmap.low - margin], [width, depth, np.nanmax(self.tops + rise) + margin]])
@@ -75,6 +79,11 @@ class PlainCaster:
             if self.map.codes[j, i] == 0:
                 continue
             above, then = (self._above(eye + at * ray, i, j) for at in (t, end))
+            floor = self.floors[j, i]
+            if above < 0 and eye[2] + t * ray[2] < floor:
+                if eye[2] + end * ray[2] > floor:
+                    return self._on_top(float((floor - eye[2]) / ray[2]), (i, j), None)
+                continue
             if above < 0 and came == BEGAN:
                 continue
             if above < 0 and came != ABOVE:
@@ -104,7 +113,7 @@ class PlainCaster:
         if self.map.by_area:
             x, y = i + (-1, 1, 0, 0)[side], j + (0, 0, -1, 1)[side]
             beside = 0 <= x < self.n and 0 <= y < self.n and self.map.codes[y, x] > 0
-            upper, lower = self.tops[j, i], self.tops[y, x] if beside else low
+            upper, lower = self.tops[j, i], max(self.tops[y, x] if beside else low, self.floors[j, i])
         axis = 1 if side < SOUTH else 0
         across = (point[axis] / self.texel[axis] - texel[axis]) * own.across
         first, top, rows = own.places[j, i, side].tolist()

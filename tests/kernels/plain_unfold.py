@@ -26,8 +26,10 @@ def number_of(side: Side, n: int) -> int:
 class PlainWalls:
     """The walls of a map."""
 
-    def __init__(self, codes: NDArray[np.uint8], border: NDArray[np.uint8], least: int) -> None:
-        self.codes, self.border, self.least = codes.astype(int), border, least
+    def __init__(
+        self, codes: NDArray[np.uint8], floors: NDArray[np.uint8], border: NDArray[np.uint8], least: int
+    ) -> None:
+        self.codes, self.floors, self.border, self.least = codes.astype(int), floors.astype(int), border, least
         self.n = len(codes)
 
     def drop(self, side: Side) -> int:
@@ -35,16 +37,16 @@ class PlainWalls:
         i, j, name = side
         if not (0 <= i < self.n and 0 <= j < self.n) or self.codes[j, i] == 0:
             return 0
-        c = int(self.codes[j, i])
+        c, f = int(self.codes[j, i]), max(1, int(self.floors[j, i]))
         x, y = i + OUT[name][0], j + OUT[name][1]
         if not (0 <= x < self.n and 0 <= y < self.n):
             along = j if name in ("west", "east") else i
-            return max(c - 1, 1) if self.border[NAMES.index(name), along] else 0
+            return max(c - f, 1) if self.border[NAMES.index(name), along] else 0
         b = int(self.codes[y, x])
-        drop = c - max(b, 1)
+        drop = c - max(b, f)
         if b == 0:
             drop = max(drop, 1)
-        return drop if drop >= self.least or (b == 0 and c > 1) else 0
+        return drop if drop >= self.least or (b == 0 and c > f) else 0
 
     def listed(self) -> list[Side]:
         """All walls, as one walks along them with the body on the left."""

@@ -46,9 +46,9 @@ def cast(
 
 
 @settings(deadline=None, max_examples=25)
-@given(st.integers(0, 10**6), st.booleans(), st.booleans(), st.booleans())
-def test_as_the_plain_twin(seed: int, by_area: bool, sloped: bool, boxed: bool) -> None:
-    blockmap, camera = random_map(seed, by_area, sloped), random_camera(seed)
+@given(st.integers(0, 10**6), st.booleans(), st.booleans(), st.sampled_from([0.0, 0.5, 1.0]), st.booleans())
+def test_as_the_plain_twin(seed: int, by_area: bool, sloped: bool, hanging: float, boxed: bool) -> None:
+    blockmap, camera = random_map(seed, by_area, sloped, hanging=hanging), random_camera(seed)
     box = np.array([[WIDTH / 2, 0, 2.0], [WIDTH, DEPTH / 2, 9.0]]) if boxed else None
     frame = cast(blockmap, camera, box)
     caster, rays, eye = PlainCaster(blockmap, WIDTH, DEPTH), camera.rays(SIZE), np.array(camera.eye)
@@ -72,8 +72,9 @@ def test_as_the_plain_twin(seed: int, by_area: bool, sloped: bool, boxed: bool) 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("sloped", [False, True])
-def test_leaps_change_nothing(seed: int, sloped: bool) -> None:
-    blockmap, camera = random_map(seed, True, sloped, number=2, holes=0.02), random_camera(seed)
+@pytest.mark.parametrize("hanging", [0.0, 0.5])
+def test_leaps_change_nothing(seed: int, sloped: bool, hanging: float) -> None:
+    blockmap, camera = random_map(seed, True, sloped, number=2, holes=0.02, hanging=hanging), random_camera(seed)
     one, other = (cast(blockmap, camera, leaping=leaping, size=(160, 120)) for leaping in (True, False))
     same = (one.surface == other.surface) & np.isclose(one.depth, other.depth, rtol=1e-5)
     assert same.mean() > 0.9995

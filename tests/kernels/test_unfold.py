@@ -12,12 +12,12 @@ from farfield.kernels.unfold import place_walls, trace_walls
 from farfield.represent.blockmap.unfolding import DENSITIES, unfolded
 from kernels.plain_unfold import PlainWalls, number_of
 
-Map = tuple[NDArray[np.uint8], NDArray[np.uint8], int]
+Map = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8], int]
 
 
 @st.composite
 def maps(draw: st.DrawFn) -> Map:
-    """Codes, rim, and the least drop of a wall: of blocks of few heights, of any heights, of nearly nothing."""
+    """Codes, floors, rim, and the least drop of a wall: of blocks of few heights, of any heights, of nearly nothing."""
     n, kind = draw(st.sampled_from([2, 3, 5, 16])), draw(st.integers(0, 2))
     random = np.random.default_rng(draw(st.integers(0, 10**6)))
     if kind == 0:
@@ -27,14 +27,17 @@ def maps(draw: st.DrawFn) -> Map:
     else:
         codes = (random.integers(1, 256, (n, n)) * (random.random((n, n)) < 0.1)).astype(np.uint8)
     border = (random.random((4, n)) < draw(st.sampled_from([0.0, 0.5, 1.0]))).astype(np.uint8)
-    return codes, border, draw(st.sampled_from([1, 2, 40, 255]))
+    # Some end just below their tops, at them, or above them.
+    floors = random.choice(np.array([0, 1, 2, 89, 90, 91, 255], np.uint8), (n, n))
+    floors[random.random((n, n)) >= draw(st.sampled_from([0.0, 0.5, 1.0]))] = 0
+    return codes, floors, border, draw(st.sampled_from([1, 2, 40, 255]))
 
 
 def traced(of: Map) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The walls in their order, and which sides are some."""
-    codes, border, least = of
+    codes, floors, border, least = of
     taken, order = np.zeros(4 * codes.size, np.int32), np.full(4 * codes.size, -1, np.int32)
-    count = trace_walls(codes, np.zeros_like(codes), border, least, taken, order)
+    count = trace_walls(codes, floors, border, least, taken, order)
     return order[:count], taken
 
 
@@ -50,7 +53,7 @@ def test_walls_are_listed_as_by_the_plain_twin(of: Map) -> None:
 def test_one_goes_round_a_house_with_it_on_the_left() -> None:
     codes = np.ones((16, 16), np.uint8)
     codes[4:7, 3:8] = 50
-    order, _ = traced((codes, np.zeros((4, 16), np.uint8), 1))
+    order, _ = traced((codes, np.zeros_like(codes), np.zeros((4, 16), np.uint8), 1))
     sides, texels = order & 3, order >> 2
     assert len(order) == 2 * (3 + 5)
     # From the west side of the first texel on: its south, then east, north and west.
@@ -62,10 +65,10 @@ def test_one_goes_round_a_house_with_it_on_the_left() -> None:
 @settings(deadline=None, max_examples=60)
 @given(maps(), st.sampled_from(DENSITIES), st.sampled_from([1, 64, 300, 65535]), st.sampled_from([4, 7, 64]))
 def test_walls_have_the_places_of_the_plain_twin(of: Map, density: tuple[int, int], scale: int, columns: int) -> None:
-    (codes, border, least), n = of, len(of[0])
+    (codes, floors, border, least), n = of, len(of[0])
     order, _ = traced(of)
     places = np.zeros((4 * n * n, 3), np.int32)
-    used = place_walls(codes, np.zeros_like(codes), border, least, order, len(order), columns, *density, scale, places)
+    used = place_walls(codes, floors, border, least, order, len(order), columns, *density, scale, places)
     plain, plainly_used = PlainWalls(*of).placed(columns, *density, scale)
     assert used == plainly_used
     assert {int(k): tuple(places[k].tolist()) for k in np.flatnonzero(places[:, 2])} == {
@@ -77,7 +80,7 @@ def test_walls_have_the_places_of_the_plain_twin(of: Map, density: tuple[int, in
 @given(maps(), st.integers(0, len(DENSITIES) - 1), st.sampled_from([1, 64, 300, 65535]))
 def test_walls_have_texels_of_their_own_but_for_those_that_share(of: Map, density: int, scale: int) -> None:
     columns = 64
-    found = unfolded(of[0], None, *of[1:], columns, density, scale, by_area=True)
+    found = unfolded(*of, columns, density, scale, by_area=True)
     across, sharing = DENSITIES[density]
     owners = np.zeros((max(found.rows, 1), columns), int)
     shared: set[tuple[int, int]] = set()
@@ -95,7 +98,7 @@ def test_walls_have_texels_of_their_own_but_for_those_that_share(of: Map, densit
 @given(maps(), st.sampled_from([4, 64]))
 def test_by_column_each_texel_with_a_wall_has_one_normal_and_one_column(of: Map, columns: int) -> None:
     n = len(of[0])
-    found = unfolded(of[0], None, *of[1:], columns, 3, 1, by_area=False)
+    found = unfolded(*of, columns, 3, 1, by_area=False)
     first: dict[tuple[int, int], int] = {}
     for i, j, _ in PlainWalls(*of).listed():
         first.setdefault((i, j), len(first))

@@ -21,7 +21,10 @@ _BOX = np.array([[0, 1, 2, 3], [4, 5, 1, 0], [5, 6, 2, 1], [6, 7, 3, 2], [7, 4, 
 
 
 def town(seed: int, houses: int = 45) -> Chunk:
-    """Houses with flat roofs or pitched ones, turned at random, on sloping ground."""
+    """Houses with flat roofs or pitched ones, turned at random, on sloping ground.
+
+    The ground is object 1, house n (from 0) object n + 2.
+    """
     chance = np.random.default_rng(seed)
     width, depth, _ = EXTENT
     x, y = np.meshgrid(np.linspace(0, width, 17), np.linspace(0, depth, 17))
@@ -37,11 +40,12 @@ def town(seed: int, houses: int = 45) -> Chunk:
         box = np.concatenate([np.c_[foot, height + pitch], np.c_[foot, np.zeros(4)]])
         parts.append(box[_BOX])
         colors.append(chance.integers(60, 250, (len(_BOX), 3)))
-    return _chunk(np.concatenate(parts), np.concatenate(colors))
+    objects = np.arange(1, len(parts) + 1).repeat([len(part) for part in parts])
+    return _chunk(np.concatenate(parts), np.concatenate(colors), objects)
 
 
-def _chunk(faces: NDArray[np.float64], colors: NDArray[np.int64]) -> Chunk:
-    """Of flat faces of four corners, counter-clockwise from outside, an object each."""
+def _chunk(faces: NDArray[np.float64], colors: NDArray[np.int64], objects: NDArray[np.int64]) -> Chunk:
+    """Of flat faces of four corners, counter-clockwise from outside. objects: (faces,)"""
     count = len(faces)
     normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -52,7 +56,7 @@ def _chunk(faces: NDArray[np.float64], colors: NDArray[np.int64]) -> Chunk:
         np.c_[colors, np.full(count, 255)].repeat(4, axis=0).astype(np.uint8),
         (4 * np.arange(count)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3).astype(np.uint32),
         np.zeros(2 * count, np.uint32),
-        np.arange(1, count + 1, dtype=np.uint32).repeat(2),
+        objects.astype(np.uint32).repeat(2),
     )
 
 

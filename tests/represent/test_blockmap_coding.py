@@ -36,18 +36,19 @@ def smooth(blockmap: BlockMap) -> BlockMap:
 
 @settings(deadline=None, max_examples=60)
 @given(
-    st.integers(0, 10**6), st.booleans(), st.booleans(), st.integers(0, 2), st.floats(-1e4, 1e4), st.floats(1e-3, 10)
-)
+    st.integers(0, 10**6), st.booleans(), st.booleans(), st.sampled_from([0.0, 0.5]), st.integers(0, 2),
+    st.floats(-1e4, 1e4), st.floats(1e-3, 10),
+)  # fmt: skip
 def test_what_is_encoded_comes_back(
-    seed: int, by_area: bool, sloped: bool, number: int, low: float, step: float
+    seed: int, by_area: bool, sloped: bool, hanging: float, number: int, low: float, step: float
 ) -> None:
     low, step = float(np.float32(low)), float(np.float32(step))
-    made = smooth(replace(random_map(seed, by_area, sloped, number), low=low, step=step))
+    made = smooth(replace(random_map(seed, by_area, sloped, number, hanging=hanging), low=low, step=step))
     data = encode_blockmap(made, 90)
     found = decode_blockmap(data, "")
     for name in ("size", "low", "step", "least", "density", "scale", "by_area"):
         assert getattr(found, name) == getattr(made, name), name
-    for name in ("codes", "slopes", "border", "turns"):
+    for name in ("codes", "slopes", "border", "turns", "floors"):
         np.testing.assert_array_equal(getattr(found, name), getattr(made, name), name)
     assert found.colors.shape == made.colors.shape
     assert np.abs(found.colors.astype(int) - made.colors).max() < 16

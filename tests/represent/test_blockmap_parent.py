@@ -24,6 +24,8 @@ from represent.shapes import IDENTITY, PLAIN
 
 WIDE, DEEP, HIGH = Square(128.0, 96.0, 64.0), (1, 1, 0), 64.0
 N = 32
+TOWN, HOUSES = 3, 25
+"""Which of the random towns, and how many houses it may have."""
 
 
 def children_of(chunk: Chunk, layers: int = 1, leaf: float = 64.0, by_area: bool = True) -> list[ChildMap]:
@@ -44,9 +46,9 @@ def children_of(chunk: Chunk, layers: int = 1, leaf: float = 64.0, by_area: bool
     return found
 
 
-def town(seed: int = 3, gables: bool = False, layers: int = 1, by_area: bool = True) -> list[ChildMap]:
+def town(seed: int = TOWN, gables: bool = False, layers: int = 1, by_area: bool = True) -> list[ChildMap]:
     square = Square(128.0, 128.0, 64.0 * layers)
-    return children_of(chunk_of(random_town(seed, gables, count=25), square), layers, by_area=by_area)
+    return children_of(chunk_of(random_town(seed, gables, count=HOUSES), square), layers, by_area=by_area)
 
 
 def parent_of(children: list[ChildMap], layers: int = 1) -> BlockMap:
@@ -101,7 +103,8 @@ def test_walls_keep_their_colours_and_normals() -> None:
     found = parent_of(children)
     walls = found.unfolded
     assert walls.rows <= N
-    checked = 0
+    assert found.objects is not None
+    houses, checked, outwards, off = random_town(TOWN, gables=False, count=HOUSES), 0, 0, []
     for j, i, k in np.argwhere(walls.is_wall).tolist():
         if found.heights[j, i] < 4:
             continue
@@ -110,8 +113,16 @@ def test_walls_keep_their_colours_and_normals() -> None:
         assert np.abs(shown - [200, 60, 30]).max() <= 3
         angle = float(found.azimuths[j, i, k])
         outward = [(-1, 0), (1, 0), (0, -1), (0, 1)][k]
-        checked += np.cos(angle) * outward[0] + np.sin(angle) * outward[1] > 0.5
-    assert checked > 0.9 * (walls.is_wall.any(axis=-1) & (found.heights > 4)).sum()
+        facing = np.cos(angle) * outward[0] + np.sin(angle) * outward[1]
+        assert facing > 0
+        outwards += facing > 0.5
+        faces = houses[found.objects[j, i] - 2].turn + np.arange(4) * np.pi / 2
+        off.append(np.abs((angle - faces + np.pi) % (2 * np.pi) - np.pi).min())
+        checked += 1
+    assert checked > 100
+    assert outwards > 0.8 * checked
+    # 64ths of a turn; at corners two walls are seen together.
+    assert np.median(off) <= np.pi / 64
 
 
 @pytest.mark.parametrize("by_area", [False, True])
@@ -183,7 +194,7 @@ def test_of_whatever_maps_it_can_be_stored_and_read(
     ]
     children = []
     for number, place in enumerate(places):
-        own = random_map(seed + number, by_area, bool(number % 2), holes=0.3)
+        own = random_map(seed + number, by_area, bool(number % 2), holes=0.3, hanging=float(random.integers(0, 2)) / 2)
         if present >> number % 4 & 1:
             codes = np.zeros_like(own.codes)
             codes[tuple(random.integers(0, 16, 2))] = random.integers(1, 256)
@@ -194,6 +205,7 @@ def test_of_whatever_maps_it_can_be_stored_and_read(
     assert found.codes.any()
     read = decode_blockmap(encode_blockmap(found, 75), "")
     np.testing.assert_array_equal(read.codes, found.codes)
+    np.testing.assert_array_equal(read.floors, found.floors)
     assert read.unfolded.rows <= 16
 
 

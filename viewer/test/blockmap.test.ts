@@ -22,6 +22,7 @@ interface Expected {
   readonly highest: number;
   readonly tops: string;
   readonly slopes: string;
+  readonly floors: string;
   readonly sides: string;
   readonly objects: string;
 }
@@ -44,10 +45,11 @@ describe("BlockMaps written by Python", () => {
     expect(found).toMatchObject({ n, m, low, step, across, thresholds, highest, byArea: expected.by_area });
     expect(found.tops).toEqual(unpacked(expected.tops));
     expect(new Uint8Array(found.slopes ?? [])).toEqual(unpacked(expected.slopes));
+    expect(found.floors ?? new Uint8Array()).toEqual(unpacked(expected.floors));
     expect(found.sides).toEqual(unpacked(expected.sides));
     expect(found.sides.filter((rows, at) => at % 4 === 2 && rows > 0).length).toBe(expected.walls);
     expect(found.colors.length).toBe(4 * n * (n + m));
-    expect(buffersOfBlockMap(found).length).toBe(expected.slopes.length > 4 ? 4 : 3);
+    expect(buffersOfBlockMap(found).length).toBe(3 + (found.slopes ? 1 : 0) + (found.floors ? 1 : 0));
   });
 
   it.each(NAMES)("object ids of %s too", (name) => {

@@ -13,6 +13,10 @@ from farfield.kernels.surface import F32_2, F32_3, I32_1, I32_2
 
 SAMPLES = 2
 """Rows of samples in a row of texels."""
+FACING = np.float32(0.1)
+"""Cosine of a finer wall's normal to a side, beyond which it tells how the side is turned. In six random towns 69 to 81 %
+are then turned to the right face; by finer walls of the same side alone 64 to 78 %, and by all 8 to 13 % faced inwards.
+"""
 _ZERO = np.float32(0.0)
 
 
@@ -48,7 +52,7 @@ def gather_walls(  # type: ignore[no-untyped-def]
     source: (layers, rows, columns) which finer map lies there, -1: none. fine_places: (maps, 4 n n, 3), fine_ends:
     (maps, 4 n n, 2), fine_colors: (maps, n, n + m, 3), fine_azimuths: (maps, 4 n n, 2) cosine and sine, fine_across:
     (maps,) of these. wide, deep: finer texels in one of the coarser map along x and y. sides, places, ends, across: its
-    own, as kernels.walls takes them. sums, normals: out, see there.
+    own, as kernels.walls takes them. sums, normals: out, see there; a normal is 0 where no finer wall faces that way.
     """
     n = fine_colors.shape[1]
     own = np.zeros(4, np.float32)
@@ -92,8 +96,11 @@ def gather_walls(  # type: ignore[no-untyped-def]
                                     _sample(
                                         fine_colors, fine_places, fine_ends, child, fine, z, n, fine_across[child], own
                                     )
-                                    normals[side, 0] += fine_azimuths[child, fine, 0]
-                                    normals[side, 1] += fine_azimuths[child, fine, 1]
+                                    # One that faces elsewhere tells nothing of how this one is turned.
+                                    out = fine_azimuths[child, fine, k // 2]
+                                    if (out if k % 2 else -out) > FACING:
+                                        normals[side, 0] += fine_azimuths[child, fine, 0]
+                                        normals[side, 1] += fine_azimuths[child, fine, 1]
                     if own[3] > _ZERO:
                         break
                 if own[3] == _ZERO:
