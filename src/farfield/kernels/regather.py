@@ -14,8 +14,8 @@ from farfield.kernels.surface import F32_2, F32_3, I32_1, I32_2
 SAMPLES = 2
 """Rows of samples in a row of texels."""
 FACING = np.float32(0.1)
-"""Cosine of a finer wall's normal to a side, beyond which it tells how the side is turned. In six random towns 69 to 81 %
-are then turned to the right face; by finer walls of the same side alone 64 to 78 %, and by all 8 to 13 % faced inwards.
+"""Cosine of a finer wall's normal to a side, beyond which it tells how the side is turned. In six random towns 69 to
+81 % are then turned to the right face; by finer walls of the same side alone 64 to 78 %, and by all 8 to 13 % faced in.
 """
 _ZERO = np.float32(0.0)
 
