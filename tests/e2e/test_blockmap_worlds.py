@@ -131,6 +131,9 @@ def test_blockmaps_behind_others_are_left_out(mapped: Served, visit: Callable[..
         for culling in ("all", "frustum"):
             page.options(culling=culling)
             page.complete()
+            # The first picture from here told what is hidden.
+            page.do("farfield.setOptions({})")
+            page.complete()
             pictures[culling], drawn[culling] = page.picture(), page.stats()["blockmaps"]
         page.options(culling="all")
         assert 0 < drawn["all"] < drawn["frustum"]
