@@ -133,3 +133,19 @@ def test_what_is_strange_is_built(tmp_path: Path, name: str) -> None:
     for x, y, wanted in points:
         assert altitude(x, y) == pytest.approx(wanted, abs=0.3)
     check_good_ones(altitude)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_a_million_buildings_in_a_leaf_are_built(tmp_path: Path) -> None:
+    """Three minutes and 6 GB of memory, on two cores."""
+    random = np.random.default_rng(1)
+    lower, size = random.uniform(0, 1000, (1_000_000, 2)), random.uniform(3, 15, (1_000_000, 2))
+    shapes = shapely.box(*lower.T, *(lower + size).T)
+    path = write(tmp_path / "city.fgb", list(shapes), height=random.uniform(4, 40, len(shapes)).tolist())
+    scene = read_scene([path], ReadOptions(height_attribute="height"))
+    store = MemoryStore()
+    bake(scene, store, BakeOptions(leaf_size=1024.0, resolution=64, workers=1, orthoviews=False, blockmap="64:256"))
+    world = World.open(store)
+    assert not verify_world(world).faults
+    assert sum(entry.geometry.triangles for entry in world.cells() if entry.cell.level == 0 and entry.geometry) >= 1e7

@@ -15,6 +15,7 @@ from farfield.octree.grid import CellKey
 from farfield.packed import pack, unpack
 from farfield.represent.blocks import BlockedMesh
 from farfield.represent.chunk import Chunk
+from farfield.represent.geometry import write
 from farfield.represent.geometry.dictionary import DICTIONARY
 from farfield.represent.geometry.read import read_leaf_glb, read_mesh_glb
 from farfield.represent.geometry.write import MAGIC, PlacedMesh, leaf_glb, mesh_glb
@@ -97,3 +98,19 @@ def test_normals_of_fewer_bits_take_less_and_are_nearly_the_same() -> None:
         outward = mesh.positions - [0.3141, -0.2718, 1.4142]
         outward /= np.linalg.norm(outward, axis=1, keepdims=True)
         assert np.degrees(np.arccos((mesh.normals * outward).sum(axis=1).clip(-1, 1))).max() < degrees
+
+
+def test_many_triangles_of_a_material_are_several_primitives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the same triangles: compressed in one piece they take Draco minutes."""
+
+    def read(most: int) -> tuple[int, Chunk]:
+        monkeypatch.setattr(write, "MOST_TRIANGLES", most)
+        value = leaf_glb(CellKey(0, 0, 0, 0), 64.0, ball(2), [STONE], [], lambda _: HASH)
+        mesh = read_leaf_glb(value, "", lambda _: WHITE).mesh
+        assert mesh is not None
+        return len(glb_of(value)[0]["meshes"][0]["primitives"]), mesh
+
+    (one, whole), (several, pieces) = read(1 << 17), read(100)
+    assert (one, several) == (1, -(-len(whole.triangles) // 100))
+    found, others = ({frozenset(map(tuple, m.positions[t].tolist())) for t in m.triangles} for m in (whole, pieces))
+    assert found == others
