@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from farfield.octree.cut import cut
 from farfield.octree.grid import CellKey
 from farfield.represent.geometry.board import FULL_SINE, directions, dynamic_angle
-from farfield.stream import boards
+from farfield.stream import boards, geometry
 from farfield.stream.geometry import FINE, MORE
 from farfield.stream.link import Link
 from farfield.stream.motion import MotionPredictor, Viewing
@@ -156,6 +157,30 @@ def test_what_is_farther_away_is_offered_as_geometry_and_where_that_shows_more_t
     region = [tree.entries[n].key for n in regions.cells].index(four.cell)
     assert (best[region] == 1).all()
     assert (by_pictures[region] < 1).all()
+
+
+def test_geometry_of_leaves_that_a_viewer_does_not_know_comes_where_pictures_err_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The leaves are told in index tiles of their own, below cells of level 1."""
+    tree = flat_tree(drawn=16)
+    entries = [msgspec.structs.replace(one, index="0f" * 8 if one.cell.level == 1 else "") for one in tree.entries]
+    apart = CellTree(tree.grid, entries, tree.parents.tolist())
+    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(apart, Shape(near=12.0))
+    pictures = Pictures(regions)
+
+    def as_geometry() -> set[str]:
+        offers, _ = offers_of(pictures, regions, seen)
+        items = [pictures.take(n) for n in range(len(offers.sizes))]
+        pictures.keep({key for item in items if not item.is_geometry for key in item.keys})
+        return {item.cell for item in items if item.is_geometry}
+
+    assert as_geometry() == set()
+    found = as_geometry()
+    assert found
+    assert {cell[0] for cell in found} == {"1"}
+    monkeypatch.setattr(geometry, "WORTH_READING", 1.0)
+    assert as_geometry() == set()
 
 
 def test_cells_are_offered_by_geometry_of_their_own_and_those_above_stand_in() -> None:

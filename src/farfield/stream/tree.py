@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farfield.errors import CorruptTileError
-from farfield.octree.grid import CellKey, Grid
+from farfield.octree.grid import MAXIMUM_LEVEL, CellKey, Grid
 from farfield.represent.geometry.board import TILTS, TURNS
 from farfield.stream.accuracy import UNTOLD, UNTOLD_LOSS
 from farfield.stream.forms import (
@@ -275,6 +275,10 @@ class CellTree:
         self.has_pictures = np.array([len(entry.tiles) > 0 or entry.blockmap is not None for entry in entries], bool)
         """(n,) cells with tiles, or a BlockMap in their place."""
         of_its_own = np.array([entry.geometry is not None for entry in entries], bool)
+        self.index_apart = self.levels >= min(
+            (entry.cell.level for entry in entries if entry.index), default=MAXIMUM_LEVEL + 1
+        )
+        """(n,) cells of which one may know without knowing the leaves below: these are told in other index tiles."""
         self.has_geometry = of_its_own & (self.levels == 0)
         """(n,) leaves that have geometry."""
         beside = np.array([len(entry.tiles) > 0 and entry.blockmap is not None for entry in entries], bool)
