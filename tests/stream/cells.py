@@ -45,13 +45,18 @@ MERGED = GeometryEntry(
 
 
 def flat_tree(
-    height: float = 4.0, drawn: int = 0, statues: bool = False, boards: bool = False, merged: bool = False
+    height: float = 4.0,
+    drawn: int = 0,
+    statues: bool = False,
+    boards: bool = False,
+    merged: bool = False,
+    geometry_bytes: int = GEOMETRY_BYTES,
 ) -> CellTree:
     """8 x 8 leaves of 8 m and all above them; every cell has three tiles, of which two are worth their bytes.
 
     Every other leaf places a mesh that they share. height: metres of what is in the cells. drawn: triangles of a leaf.
     statues: whether every fourth leaf lists a STATUE of 2 m in its middle, too; boards: with BOARDS of it.
-    merged: whether cells above leaves have geometry of their own.
+    merged: whether cells above leaves have geometry of their own. geometry_bytes: of a leaf.
     """
     levels = [[CellKey(3, 0, 0, 0)]]
     for level in (2, 1, 0):
@@ -60,10 +65,14 @@ def flat_tree(
     keys = [key for cells in levels for key in cells]
     number = {key: n for n, key in enumerate(keys)}
     parents = [number[GRID.parent(key)] if key.level < 3 else NONE for key in keys]
-    return CellTree(GRID, [_entry(key, height, drawn, statues, boards, merged) for key in keys], parents)
+    return CellTree(
+        GRID, [_entry(key, height, drawn, statues, boards, merged, geometry_bytes) for key in keys], parents
+    )
 
 
-def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool, merged: bool) -> CellEntry:
+def _entry(
+    key: CellKey, height: float, drawn: int, statues: bool, boards: bool, merged: bool, geometry_bytes: int
+) -> CellEntry:
     lower, upper = GRID.bounds(key).tolist()
     picked = pack_picks([(n, 100.0), ((n + 1) % 3, 40.0), ((n + 2) % 3, 5.0)] for n in _starts())
     entry = CellEntry(
@@ -83,7 +92,7 @@ def _entry(key: CellKey, height: float, drawn: int, statues: bool, boards: bool,
         place = (1.0, 0.0, 0.0, 4.0, 0.0, 1.0, 0.0, 4.0, 0.0, 0.0, 1.0, 0.0)
         box, impostors = ((-0.5, -0.5, 0.0), (0.5, 0.5, 2.0)), (BOARDS,) if boards else ()
         instances = (InstancedMesh(box, STATUE, (1 + key.x + 8 * key.y,), (place,), impostors),)
-    near = GeometryEntry("fe" * 8, GEOMETRY_BYTES, 100, 1, meshes, drawn=drawn)
+    near = GeometryEntry("fe" * 8, geometry_bytes, 100, 1, meshes, drawn=drawn)
     return msgspec.structs.replace(entry, geometry=near, instances=instances)
 
 

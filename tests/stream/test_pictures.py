@@ -130,7 +130,7 @@ def test_geometry_of_near_leaves_with_the_meshes_it_places() -> None:
 
 def test_what_is_farther_away_is_offered_as_geometry_and_where_that_shows_more_than_all_pictures() -> None:
     # 16 triangles a leaf, and 64 pixels a view: few enough of 4 leaves, too many of 16.
-    tree = flat_tree(drawn=16)
+    tree = flat_tree(drawn=16, geometry_bytes=TILE_BYTES // 8)
     seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(tree, Shape(near=12.0))
     pictures = Pictures(regions)
     offers, _ = offers_of(pictures, regions, seen)
@@ -159,14 +159,26 @@ def test_what_is_farther_away_is_offered_as_geometry_and_where_that_shows_more_t
     assert (by_pictures[region] < 1).all()
 
 
+@pytest.mark.parametrize(("geometry_bytes", "comes"), [(200, True), (300, False)])
+def test_what_is_farther_away_is_no_geometry_that_takes_more_than_its_pictures(
+    geometry_bytes: int, comes: bool
+) -> None:
+    """Four leaves for the tile of 1,000 bytes that is drawn, where it does not add enough for each kilobyte."""
+    regions = Regions(flat_tree(drawn=16, geometry_bytes=geometry_bytes), Shape(near=12.0, least_gain=1e5))
+    pictures = Pictures(regions)
+    offers, _ = offers_of(pictures, regions, seen_from((32.0, -330.0, 10.0)))
+    items = [pictures.take(n) for n in range(len(offers.sizes))]
+    assert any(item.is_geometry and item.cell[0] == "1" for item in items) == comes
+
+
 def test_geometry_of_leaves_that_a_viewer_does_not_know_comes_where_pictures_err_enough(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The leaves are told in index tiles of their own, below cells of level 1."""
-    tree = flat_tree(drawn=16)
+    tree = flat_tree(drawn=16, geometry_bytes=TILE_BYTES // 8)
     entries = [msgspec.structs.replace(one, index="0f" * 8 if one.cell.level == 1 else "") for one in tree.entries]
     apart = CellTree(tree.grid, entries, tree.parents.tolist())
-    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(apart, Shape(near=12.0))
+    seen, regions = seen_from((32.0, -330.0, 10.0)), Regions(apart, Shape(near=12.0, least_gain=0.0))
     pictures = Pictures(regions)
 
     def as_geometry() -> set[str]:

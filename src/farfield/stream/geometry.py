@@ -58,6 +58,8 @@ class GeometryKind:
     """(n + m, k) metres that a pixel is wide there."""
     whole: NDArray[np.bool_]
     """(n,) cells that are not near, and all of whose pictures are there."""
+    costs: Floats
+    """(n,) bytes of all pictures of a cell; inf of near ones, and of those that have none."""
     held: AbstractSet[str]
     """Keys of what the viewer has."""
     found: GeometryOffers = field(default_factory=GeometryOffers)
@@ -73,7 +75,11 @@ class GeometryKind:
         return self.found
 
     def _add_cells(self) -> None:
-        """Forms of near leaves, and of what is farther as long as its pictures are not there."""
+        """Forms of near leaves, and of what is farther where they are fewer bytes than its pictures, or worth theirs.
+
+        Those pictures come anyway: over a link so fast that all of a look is sent before the next, three times the
+        bytes of a view of Tokyo were geometry for pictures of a tenth of its size.
+        """
         regions, tree, outlook = self.regions, self.regions.tree, self.outlook
         count, afar = len(regions.cells), regions.shape.far_geometry
         near, within = regions.is_near(self.away), self.away[:count] < REACH * tree.grid.leaf_size
@@ -100,16 +106,20 @@ class GeometryKind:
         )
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
+            own = sum(size for key, size in zip(value.keys, value.sizes, strict=True) if key not in value.refers)
+            # As a tile does, it has to add enough for each kilobyte of its own, what others refer to left out.
+            gain = accuracy[n] - pictures[row]
+            adds = gain * outlook.visible[row] >= regions.shape.least_gain * own / 1000
+            is_worth = bool(((gain >= MORE) & adds).any())
             if not (merged[n] or is_read[row]):
                 comes = False
             elif self.whole[row]:
                 # Instances are seen by these pictures, and would be missed.
-                alone = not (merged[n] and len(tree.instances_below(int(regions.cells[row]))))
-                comes = alone and bool((accuracy[n] >= pictures[row] + MORE).any())
+                comes = is_worth and not (merged[n] and len(tree.instances_below(int(regions.cells[row]))))
             else:
                 # What is placed in a cell that is farther comes first, level by level: the full meshes of 16 leaves
                 # with statues are 100 kB, for which nothing else was sent in 5 s.
-                comes = is_near[row] or value.listed <= self.held
+                comes = is_near[row] or (value.listed <= self.held and (is_worth or own <= self.costs[row]))
             if comes or all(key in self.held for key in value.keys):
                 self.found.add(value, [row], accuracy[n : n + 1])
         if afar:

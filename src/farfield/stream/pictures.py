@@ -77,8 +77,8 @@ class Pictures:
         first, begins = np.unique(cells, return_index=True)
         values = self._values(first, outlook.eyes[0])
         counts = np.diff(np.append(begins, len(cells)))
-        whole = self._whole(outlook, away, dict(zip(first.tolist(), values, strict=True)))
-        found = GeometryKind(self._regions, outlook, away, widths, whole, self.held).offers()
+        whole, costs = self._pictured(outlook, away, dict(zip(first.tolist(), values, strict=True)))
+        found = GeometryKind(self._regions, outlook, away, widths, whole, costs, self.held).offers()
         uses = np.array([use for own in found.uses for use in own], np.int32)
         near_accuracy = np.concatenate([np.zeros((0, len(outlook.eyes))), *found.accuracy])
         return self._split(
@@ -164,15 +164,19 @@ class Pictures:
         one, other, accuracy = (np.concatenate(part) for part in zip(*pairs, strict=True))
         return one, other, accuracy
 
-    def _whole(self, outlook: Outlook, away: Floats, pictures: dict[int, CellValues]) -> NDArray[np.bool_]:
-        """(n,) cells that are not near, and all of whose pictures are there."""
+    def _pictured(
+        self, outlook: Outlook, away: Floats, pictures: dict[int, CellValues]
+    ) -> tuple[NDArray[np.bool_], Floats]:
+        """(n,) cells that are not near, and all of whose pictures are there; (n,) bytes of all of them, inf of none."""
         regions = self._regions
-        found = np.zeros(len(regions.cells), bool)
+        whole, costs = np.zeros(len(regions.cells), bool), np.full(len(regions.cells), np.inf)
         for row in np.flatnonzero(
-            outlook.visible[: len(found)].any(axis=1) & ~regions.is_near(away).any(axis=1)
+            outlook.visible[: len(whole)].any(axis=1) & ~regions.is_near(away).any(axis=1)
         ).tolist():
-            found[row] = self._is_whole(pictures.get(int(regions.cells[row])))
-        return found
+            value = pictures.get(int(regions.cells[row]))
+            whole[row] = self._is_whole(value)
+            costs[row] = sum(value.sizes) if value else np.inf
+        return whole, costs
 
     def _is_whole(self, value: CellValues | None) -> bool:
         """Whether all of a cell's pictures are there."""

@@ -160,7 +160,7 @@ export class Pictures implements Offering<Part> {
       if (!seen || (farOnly && seen.away.every((metres) => metres < near))) return;
       this.addChain(uses, cell, object, seen, false);
       const isWhole = this.isWhole(cell, seen, outlook.eyes[0]!);
-      geometry.push(...this.geometryOf(cell, object, seen, isWhole));
+      geometry.push(...this.geometryOf(cell, object, seen, isWhole, outlook));
       unknown.push({ cell, worth: this.worthOfLeaves(cell, object, seen, outlook) });
       if (!isWhole) addBelow(below, cell, { object, seen });
     });
@@ -238,13 +238,15 @@ export class Pictures implements Offering<Part> {
     return pictureAccuracy(told, (this.pitch * 2 ** level) / width);
   }
 
-  /** Forms of a near leaf, and of what is farther as long as its pictures are not there. */
-  private geometryOf(cell: Cell, object: number, { away, widths }: Seen, isWhole: boolean): Formed[] {
-    const { near, farOnly, farGeometry, grid } = this.view();
+  /** Forms of a near leaf, and of what is farther where they are fewer bytes than its pictures, or worth theirs. */
+  private geometryOf(cell: Cell, object: number, { away, widths }: Seen, isWhole: boolean, { visible, eyes }: Outlook): Formed[] {
+    const { near, farOnly, farGeometry, grid, choice } = this.view();
     if (near <= 0) return [];
     const isNear = away.map((metres) => cell.level === 0 && metres < near);
     const isEverNear = isNear.some(Boolean);
     if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
+    const tiles = this.tilesOf(cell, eyes[0]!);
+    const cost = tiles.length > 0 ? bytesOf(tiles) : Infinity;
     return formsOf(cell, grid.resolution).flatMap((form) => {
       const isFar = farGeometry && form.far;
       const accuracy = away.map((metres, k) => {
@@ -255,10 +257,16 @@ export class Pictures implements Offering<Part> {
       const lacks = this.lacking(form.resources, form.images);
       // Instances are seen by the pictures, and would be missed.
       const isAlone = !form.own || instancesBelow(cell).length === 0;
+      const own = form.leaves.reduce((sum, { entry }) => sum + entry.bytes, 0);
+      // As a tile does, it has to add enough for each kilobyte of its own, what others refer to left out.
+      const isWorth = accuracy.some((one, k) => {
+        const gain = one - this.picturesOf(cell, widths[k]!);
+        return gain >= MORE && gain * visible[object * eyes.length + k]! >= (choice.leastGain * own) / 1000;
+      });
       const comes = isWhole
-        ? isAlone && accuracy.some((one, k) => one >= this.picturesOf(cell, widths[k]!) + MORE)
+        ? isAlone && isWorth
         : // What is placed in a cell that is farther comes first, level by level.
-          isEverNear || form.listed.every(({ state }) => state !== "absent");
+          isEverNear || (form.listed.every(({ state }) => state !== "absent") && (isWorth || own <= cost));
       return !comes && lacks.length > 0 ? [] : [{ cell, form, uses: [{ object, accuracy }], lacks }];
     });
   }
