@@ -241,6 +241,20 @@ def test_what_hangs_beside_a_house_has_a_floor() -> None:
     assert (found.floors[~hanging] <= 2).all()
 
 
+@pytest.mark.parametrize("ground", [0.0, None])
+def test_what_is_wider_than_it_is_high_above_the_ground_stands_on_it(ground: float | None) -> None:
+    """The stands of a stadium: below them one would see no ground."""
+    stands = replace(LOW, middle=(64.0, 64.0), size=(60.0, 40.0), eaves=20.0)
+    found = built(merge([chunk_of([LOW], ground=ground), raised(chunk_of([stands], ground=None), 12.0, 50)]))
+    wide = found.objects == 52
+    assert wide.sum() > 100
+    if ground is None:
+        assert found.floors is not None
+        np.testing.assert_allclose(found.undersides[wide], 12.0, atol=found.step)
+    else:
+        assert found.floors is None
+
+
 def with_bridge(houses: list[House]) -> Chunk:
     """And one between HIGH and what stands west of it: object 52, from 26 to 30 m."""
     bridge = replace(LOW, middle=(64.0, 70.0), size=(14.0, 8.0), eaves=30.0)

@@ -12,6 +12,7 @@ from farfield.geometry.directions import TOP, principal
 from farfield.kernels.fill import fill_invalid
 from farfield.kernels.project import project_orthographic
 from farfield.kernels.resolve import PLANES, resolve
+from farfield.kernels.surface import NOTHING
 from farfield.kernels.walls import SAMPLES, find_walls, paint_walls
 from farfield.represent.blockmap.blockmap import CODES, STEEP, STEEPEST, BlockMap, BlockMapSize, turns_of
 from farfield.represent.blockmap.caps import CLOSE, NO_OBJECT, inside_at_top
@@ -83,6 +84,8 @@ def build_blockmap(
     pitch = float(texel.mean())
     floors = _floors(chunk, tops.objects, low, step)
     if hanging(codes, border, floors) is not None:
+        floors = _down_to_ground(frame, floors, chunk, materials, square)
+    if hanging(codes, border, floors) is not None:
         floors = _down_to_walls(fitted_to(frame, pitch), floors, chunk, square)
     fitted = fitted_to(replace(frame, floors=hanging(codes, border, floors)), pitch)
     return _painted(fitted, chunk, materials, square, tops.color)
@@ -151,6 +154,47 @@ def _beside(codes: NDArray[np.uint8]) -> NDArray[np.int32]:
     return np.maximum(found, 1)
 
 
+def _down_to_ground(
+    frame: BlockMap, floors: NDArray[np.uint8], chunk: Chunk, materials: MaterialTable, square: Square
+) -> NDArray[np.uint8]:
+    """Floors of what is wider than it is high above the lowest surface below, lowered to that.
+
+    A texel has one body and nothing below: of a bridge one sees what is beyond, but through the stands of a stadium one
+    would look at the sky where the ground is.
+    """
+    assert frame.objects is not None
+    texel, shape = float(square.texel(frame.size.side).mean()), frame.codes.shape
+    screen = _screen(chunk, square, frame.size.side)
+    screen[:, 2] *= -1
+    depth, ids = nearest_surface(screen, chunk, materials, shape)
+    lowest = np.where(ids == NOTHING, np.inf, depth)[::-1]
+    _, which = np.unique(frame.objects, return_inverse=True)
+    which = which.reshape(-1)
+    clear = np.maximum(frame.low + (floors.astype(np.float64) - 1) * frame.step - lowest, 0.0).reshape(-1)
+    open_sides = _open_sides(frame.codes, frame.border, floors).sum(axis=-1).reshape(-1)
+    area, rim, room = (np.bincount(which, weights) for weights in (None, open_sides, clear))
+    is_wide = room / area < 2 * area / np.maximum(rim, 1) * texel
+    return np.where(is_wide[which].reshape(shape), np.minimum(floors, _codes_below(lowest, frame)), floors)
+
+
+def _codes_below(heights: NDArray[np.floating], frame: BlockMap) -> NDArray[np.uint8]:
+    """Codes of the steps at or below heights, metres; the highest of inf."""
+    return np.asarray(
+        np.clip(np.floor((heights - frame.low) / frame.step), 0, CODES - 1).astype(np.uint8) + np.uint8(1)
+    )
+
+
+def _screen(chunk: Chunk, square: Square, side: int) -> NDArray[np.float32]:
+    """(n, 4) vertices in a picture of the cell from above, `side` pixels wide and high; depth in metres downwards."""
+    axes = principal(TOP).axes
+    pitch = square.texel(side).astype(np.float64)
+    matrix = np.concatenate([axes / np.array([pitch[0], pitch[1], 1.0])[:, None], np.zeros((3, 1))], axis=1)
+    matrix[1, 3] = side
+    screen = np.empty((len(chunk.positions), 4), np.float32)
+    project_orthographic(chunk.positions, matrix, np.zeros(3), 1, screen)
+    return screen
+
+
 def _down_to_walls(frame: BlockMap, floors: NDArray[np.uint8], chunk: Chunk, square: Square) -> NDArray[np.uint8]:
     """Floors of what stands on walls of whichever object lowered to where these end: roofs are often objects.
 
@@ -172,8 +216,7 @@ def _down_to_walls(frame: BlockMap, floors: NDArray[np.uint8], chunk: Chunk, squ
     end = np.full(len(ids), np.inf)
     np.minimum.at(end, which, lowest)
     ends = np.where(standing > STANDS * samples, end, np.inf)[which[::4]].reshape(floors.shape)
-    lowered = np.clip(np.floor((ends - frame.low) / frame.step), 0, CODES - 1).astype(np.uint8) + 1
-    return np.minimum(floors, lowered)
+    return np.minimum(floors, _codes_below(ends, frame))
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,15 +235,10 @@ class _Tops:
     @classmethod
     def seen(cls, chunk: Chunk, materials: MaterialTable, square: Square, side: int) -> _Tops:
         shape = side * TOP_SAMPLES, side * TOP_SAMPLES
-        axes = principal(TOP).axes
-        pitch = square.texel(side).astype(np.float64) / TOP_SAMPLES
-        matrix = np.concatenate([axes / np.array([pitch[0], pitch[1], 1.0])[:, None], np.zeros((3, 1))], axis=1)
-        matrix[1, 3] = shape[0]
-        screen = np.empty((len(chunk.positions), 4), np.float32)
-        project_orthographic(chunk.positions, matrix, np.zeros(3), 1, screen)
+        screen = _screen(chunk, square, shape[0])
         depth, ids = nearest_surface(screen, chunk, materials, shape)
         pixels, objects = np.empty((*shape, PLANES), np.float32), np.empty(shape, np.uint32)
-        none, rows = np.empty((0, 0), np.float32), axes.astype(np.float32)
+        none, rows = np.empty((0, 0), np.float32), principal(TOP).axes.astype(np.float32)
         resolve(screen, chunk.surface, materials.arrays, rows, 1, np.float32(1), depth, ids, none, pixels, objects)
         # From image rows, which go down, to rows along y.
         pixels, objects = pixels[::-1], objects[::-1]
