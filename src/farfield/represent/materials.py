@@ -51,7 +51,7 @@ class MaterialTable:
 
 
 class MipCache:
-    """Mip levels of the textures used last, within a budget of bytes; 3 ms each for 512 x 512 texels, 27 for cut-outs."""
+    """Mip levels of the textures used last, within a budget of bytes; 512 x 512 texels take 3 ms, cut-outs 27."""
 
     def __init__(self, budget: int = 256 << 20) -> None:
         self._budget = budget
