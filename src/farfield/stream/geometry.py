@@ -21,6 +21,8 @@ TOGETHER = 64
 """Cells that are offered as one, at most: by then each pays little for what they share, and more take long to list."""
 MORE = 0.05
 """Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well."""
+WORTH = 0.1
+"""Share of `least_gain` that geometry must add: it is sent last. All of it took 4 dB from Tokyo seen from 16 r."""
 WORTH_READING = 0.005
 """Share of what is seen of cells that a cell's pictures err by, from which on a viewer reads the index of leaves below
 that it does not know (spec/stream.md): geometry of others would come in vain. All of Tokyo by BlockMaps, whose bare
@@ -109,7 +111,7 @@ class GeometryKind:
             own = sum(size for key, size in zip(value.keys, value.sizes, strict=True) if key not in value.refers)
             # As a tile does, it has to add enough for each kilobyte of its own, what others refer to left out.
             gain = accuracy[n] - pictures[row]
-            adds = gain * outlook.visible[row] >= regions.shape.least_gain * own / 1000
+            adds = gain * outlook.visible[row] >= WORTH * regions.shape.least_gain * own / 1000
             is_worth = bool(((gain >= MORE) & adds).any())
             if not (merged[n] or is_read[row]):
                 comes = False

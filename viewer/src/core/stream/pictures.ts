@@ -21,6 +21,8 @@ const TOGETHER = 64;
 const SHARP = 1;
 /** Accuracy by which geometry must show more than a cell's pictures that are all there, to be sent as well. */
 const MORE = 0.05;
+/** Share of `leastGain` that geometry must add: it is sent last. */
+const WORTH = 0.1;
 /** Share of a cell's pictures that are there, from which on what lies below is asked about: what there is to see at once comes first. */
 const SHOWN = 0.5;
 /** Share of what is seen of cells by which leaves that are not known could show more than the pictures of a cell above, for the index to be read. */
@@ -261,7 +263,7 @@ export class Pictures implements Offering<Part> {
       // As a tile does, it has to add enough for each kilobyte of its own, what others refer to left out.
       const isWorth = accuracy.some((one, k) => {
         const gain = one - this.picturesOf(cell, widths[k]!);
-        return gain >= MORE && gain * visible[object * eyes.length + k]! >= (choice.leastGain * own) / 1000;
+        return gain >= MORE && gain * visible[object * eyes.length + k]! >= (WORTH * choice.leastGain * own) / 1000;
       });
       const comes = isWhole
         ? isAlone && isWorth
