@@ -179,6 +179,8 @@ def test_statues_are_seen_by_their_meshes_alone(
         page.options(**SETTINGS, nearRadius=near)
         page.look(EYE, TARGET)
         page.page.wait_for_function(f"farfield.stats().triangles === {sum(one.triangles for one in levels)}")
+        # On a busy machine the image of one is decoded a little later.
+        page.quiet()
         stats, picture = page.stats(), page.picture()
     assert stats["splats"] == stats["geometry_cells"] == 0
     assert stats["pushed_bytes"] > 0
@@ -215,6 +217,7 @@ def test_statues_give_way_to_their_leaves(
     with opened(set(statues.list()), values) as page:
         page.options(**SETTINGS, nearRadius=NEAR)
         page.look(EYE, TARGET)
+        page.quiet()
         # Two of the ground in each of nine leaves.
         assert page.stats()["triangles"] == sum(mesh.levels[0].triangles for mesh in listed) + 18
         assert differing(page.picture(), whole) < 1e-4
