@@ -11,7 +11,7 @@ from farfield.represent.blockmap.blockmap import BlockMapSize
 from farfield.represent.orthoview.quality import QUALITIES
 from farfield.world.keys import content_hash
 
-BAKE_VERSION = 26
+BAKE_VERSION = 27
 """Grows whenever the same input would give other bytes; older records are then baked again."""
 
 

@@ -244,7 +244,7 @@ export class Pictures implements Offering<Part> {
   private geometryOf(cell: Cell, object: number, { away, widths }: Seen, isWhole: boolean, { visible, eyes }: Outlook): Formed[] {
     const { near, farOnly, farGeometry, grid, choice } = this.view();
     if (near <= 0) return [];
-    const isNear = away.map((metres) => cell.level === 0 && metres < near);
+    const isNear = away.map((metres) => cell.level === 0 && cell.geometry !== null && metres < near);
     const isEverNear = isNear.some(Boolean);
     if (farOnly ? !farGeometry : !isEverNear && !farGeometry) return [];
     const tiles = this.tilesOf(cell, eyes[0]!);
