@@ -102,10 +102,9 @@ class GeometryKind:
         pictures = picture_accuracy(
             tree.told[regions.cells, None], tree.errors[regions.cells, None] / self.widths[:count]
         )
-        errs = (1 - pictures[:, 0]) * outlook.visible[:count, 0]
-        is_read = (
-            self.whole & (errs >= WORTH_READING * outlook.visible[:count, 0].sum()) | ~tree.index_apart[regions.cells]
-        )
+        visible = outlook.visible[:count, 0]
+        is_worth_reading = self.whole & ((1 - pictures[:, 0]) * visible >= WORTH_READING * visible.sum())
+        is_read = is_worth_reading | ~tree.index_apart[regions.cells]
         for n in np.flatnonzero(accuracy.any(axis=1)).tolist():
             row, value = rows[n], values[n]
             own = sum(size for key, size in zip(value.keys, value.sizes, strict=True) if key not in value.refers)

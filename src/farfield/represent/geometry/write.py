@@ -28,8 +28,8 @@ _TEXEL_STEPS = 4
 """Of texture coordinates in a texel."""
 _FEWEST_BITS, _MOST_BITS = 10, 20
 MOST_TRIANGLES = 1 << 17
-"""Of a primitive: Draco finds equal vertices by a hash that degrades with many. A million buildings of one leaf took
-more than a quarter of an hour in one call for a material, and take 15 s in pieces."""
+"""Of a primitive: Draco finds equal vertices by a hash that degrades with many. A bake of a million buildings in one
+leaf was in such calls for 13 minutes when it was stopped; in 194 pieces all of its forms take 77 s, none above 2."""
 _LEAF_TEXTURES = "../../../../texture/"
 _MESH_TEXTURES = "../texture/"
 
