@@ -20,8 +20,16 @@ from bench_mesh_levels import SKY, summary
 from farfield.quality.metrics import over_sky
 from farfield.quality.pictures import read_picture
 
-MARKS = {"farfield": "s-", "farfield, pictures": ".-", "tiles": "o--", "tiles, instanced": "^:"}
-WIDTHS = {"farfield": 2.2}
+MARKS = {
+    "farfield": "s-",
+    "farfield, pictures": ".-",
+    "tiles": "o--",
+    "tiles, instanced": "^:",
+    "farfield, BlockMaps": "D-",
+    "farfield, BlockMaps, pictures": "x-",
+    "farfield, all kinds": "+-",
+}
+WIDTHS = {"farfield": 2.2, "farfield, BlockMaps": 2.2}
 """Of lines, points."""
 
 
